@@ -38,7 +38,7 @@ def test_every_measure_with_a_band_has_its_row(tmp_path: Path) -> None:
 
 def test_measures_say_which_levels_lie_in_their_band(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     result = write_small_result(tmp_path / "result", turn_more=2.0, found=FOUND)
-    Measure(skin=result, against=result / "actual_skin.ply", out=tmp_path).run([])
+    Measure(skin=result, against=result / "actual_skin.ply", out=tmp_path).run()
     said = capsys.readouterr().out
     record = json.loads((tmp_path / "measures.json").read_text())
     inside, table = record["levels_in_band"], MeasureTable(Measured(**row) for row in record["measures"])

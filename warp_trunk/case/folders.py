@@ -20,14 +20,20 @@ def is_case(folder: Path) -> bool:
 
 
 def refuse_case(place: Path) -> None:
-    """Raise InputError for an output that is a case folder or lies in one, also through links."""
+    """Raise InputError for an output that is a case folder or lies in one, also through links.
+
+    Below a skin and bones alone it may lie: they are anatomy, of which `make-case` makes cases.
+    """
     whole = place.resolve()
     for folder in (whole, *whole.parents):
-        if is_case(folder):
+        if is_case(folder) and (folder == whole or any(next(folder.glob(name), None) for name in _PATIENT)):
             what = "is a case folder" if folder == whole else f"lies in the case folder {folder}"
-            why = "" if (folder / HEADER).is_file() else ", as a skin and bones/ are there"
             mixed = "a result there could be mistaken for its files"
-            raise InputError(f"{place}: {what}{why}, and {mixed}; give --out a place outside it")
+            raise InputError(f"{place}: {what}, and {mixed}; give --out a place outside it")
+
+
+_PATIENT = (HEADER, "landmarks_before.*", "motions.toml", "bones_after")
+"""Files that make more of a skin and bones than anatomy."""
 
 
 def other_kind(folder: Path, wanted: Literal["case", "cases", "result"]) -> str:

@@ -43,12 +43,12 @@ def parse(command: Any, arguments: Sequence[str]) -> Any:
         if shown is not None:
             print(f"The options that are set most; warp-trunk {name} --help-all shows all of them.\n")
         tyro.cli(OmitArgPrefixes[command], args=["--help"], registry=_registry(command, shown), prog=prog)
-    if twice := _given_twice(command, words):
-        raise InputError(f"{twice}: is given more than once, and only the last one would count; give it once")
+    given = _given(command, words)
     said = io.StringIO()  # as it is no terminal, tyro draws neither boxes nor colours
     try:
         with redirect_stdout(said), redirect_stderr(said):
-            return tyro.cli(OmitArgPrefixes[command], args=words, registry=_registry(command), prog=prog)
+            found = tyro.cli(OmitArgPrefixes[command], args=words, registry=_registry(command), prog=prog)
+        return replace(found, given=given) if hasattr(found, "given") else found
     except SystemExit as end:
         error: BaseException | None = end
         while error is not None and not isinstance(error, InputError):
@@ -68,13 +68,21 @@ def _message(said: str) -> str:
     return "; ".join(" ".join(part) for part in parts[1:] if part and part[0] not in ("For", "Argument"))
 
 
-def _given_twice(command: Any, words: Sequence[str]) -> str | None:
-    """The first option that is given again, though it is not one that may be repeated."""
+def _given(command: Any, words: Sequence[str]) -> dict[str, str]:
+    """The options among the words by their names in Python, and as they were written.
+
+    Raises:
+        InputError: one is given again, though it is none that may be repeated.
+    """
     hints = get_type_hints(command, include_extras=True)
-    repeatable = {name for name, hint in hints.items() if UseAppendAction in getattr(hint, "__metadata__", ())}
-    options = [word.partition("=")[0] for word in words if word.startswith("--")]
-    once = [option for option in options if option.removeprefix("--").replace("-", "_") not in repeatable]
-    return next((option for place, option in enumerate(once) if option in once[:place]), None)
+    found: dict[str, str] = {}
+    for option in (word.partition("=")[0] for word in words if word.startswith("--")):
+        name = option.removeprefix("--").replace("-", "_")
+        if name in found and UseAppendAction not in getattr(hints.get(name), "__metadata__", ()):
+            rule = "is given more than once, and only the last one would count"
+            raise InputError(f"{option}: {rule}; give it once")
+        found[name] = option
+    return found
 
 
 def _registry(command: Any, common: frozenset[str] | None = None) -> ConstructorRegistry:

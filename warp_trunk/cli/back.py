@@ -50,7 +50,7 @@ class FitBack:
     units: Literal["mm", "cm", "m", "in"] = "mm"
     """Unit of the scan, the spine and the markers."""
 
-    def run(self, arguments: list[str]) -> int:
+    def run(self) -> int:
         """Writes the case and prints how well it fits, and what is invented."""
         refuse_case(self.out)
         if self.out.exists() and not self.out.is_dir():

@@ -37,11 +37,11 @@ class Cohort(SimulationArguments):
     scheduler: str | None = None
     """Address of a running Dask scheduler (tcp://host:8786), whose workers see the same folders."""
 
-    def run(self, arguments: list[str]) -> int:
+    def run(self) -> int:
         """Simulates the missing cases and writes tables and page."""
         folders = case_folders(self.folder)
         left_over = check_out(self.out, self.folder, [folder.name for folder in folders])
-        run, changes = self.chosen(arguments), self.changes(arguments)
+        run, changes = self.chosen, self.changes
         options = CohortOptions(run=run, align_pelvis=self.align_pelvis, changes=changes)
         with Progress() as progress:
             for name in left_over:
@@ -81,14 +81,14 @@ class Calibrate(SimulationArguments):
     scheduler: str | None = None
     """Address of a running Dask scheduler (tcp://host:8786)."""
 
-    def run(self, arguments: list[str]) -> int:
+    def run(self) -> int:
         """Finds the constants and writes them."""
         refuse_case(self.out)
         check_file(self.out)
-        run = self.chosen(arguments)
+        run = self.chosen
         options = CohortOptions(run=replace(run, threads=run.threads or CPU_THREADS))
         with Progress() as progress:
-            cases = self._cases(options, arguments, progress)
+            cases = self._cases(options, progress)
             with connected(self.workers, self.scheduler, self.options.device) as client:
                 progress.message(f"{len(cases)} cases; Dask's dashboard: {client.dashboard_link}")
                 calibration = calibrate(client, cases, cases[0].free, progress, priors=self.priors)
@@ -97,9 +97,9 @@ class Calibrate(SimulationArguments):
         print(f"\nUse it: {next_command('simulate', 'CASE', '--tissue-file', self.out)}; open {page} in a browser")
         return OK if calibration.converged and not calibration.left_out else INCOMPLETE
 
-    def _cases(self, options: CohortOptions, arguments: list[str], progress: Progress) -> list[FitJob]:
+    def _cases(self, options: CohortOptions, progress: Progress) -> list[FitJob]:
         """The cases that take part, each checked."""
-        found, free, changes = [], (), self.changes(arguments)
+        found, free, changes = [], (), self.changes
         for folder in case_folders(self.folder):
             case, _ = read_checked_case(folder, align=self.align_pelvis)
             study = case.study

@@ -84,7 +84,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return OK
     warnings.formatwarning = lambda message, *_, **__: f"warp-trunk: warning: {message}\n"
     try:
-        return _loaded(arguments).run(arguments)
+        return _loaded(arguments).run()
     except InputError as error:
         print(f"warp-trunk: {error}", file=sys.stderr)
         return BAD_INPUT

@@ -15,7 +15,7 @@ class Doctor:
     results: Path = Path("results")
     """Folder for results."""
 
-    def run(self, arguments: list[str]) -> int:
+    def run(self) -> int:
         """Prints what was found; status 1 where something is missing without which nothing runs."""
         ready = True
         for finding in examine(self.results):

@@ -37,7 +37,7 @@ class Triangulate:
     noise: float | None = None
     """Standard deviation of a coordinate on the films [their units]; estimated by default."""
 
-    def run(self, arguments: list[str]) -> int:
+    def run(self) -> int:
         """Writes the landmarks and says how well they are known."""
         check_place(self.out)
         first, second = read_film(self.pa, self.pa_matrix), read_film(self.lateral, self.lateral_matrix)
@@ -68,7 +68,7 @@ class Register:
     nugget: float = 0.0
     """Smoothing: variance of the markers over the slope of the variogram [mm]; 0 interpolates."""
 
-    def run(self, arguments: list[str]) -> int:
+    def run(self) -> int:
         """Writes the skin and prints the rigid and the elastic part of its motion."""
         check_written(self.out)
         on_skin, on_films = read_landmarks(self.on_skin), read_landmarks(self.on_films)
@@ -112,7 +112,7 @@ class FitAtlas:
     nugget: float = 0.0
     """Smoothing: variance of the landmarks over the slope of the variogram [mm]; 0 interpolates."""
 
-    def run(self, arguments: list[str]) -> int:
+    def run(self) -> int:
         """Writes the bones and prints the cross-validation error of the landmarks."""
         if self.out.exists() and not self.out.is_dir():
             raise InputError(f"{self.out}: is a file; give the name of a folder")

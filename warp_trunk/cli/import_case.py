@@ -59,7 +59,7 @@ class Import:
     options: Annotated[ImportOptions, tyro.conf.arg(name="")] = field(default_factory=ImportOptions)
     """How surfaces are made."""
 
-    def run(self, arguments: list[str]) -> int:
+    def run(self) -> int:
         """Writes the case folder, and prints what is doubtful and what is missing."""
         refuse_case(self.out)
         if self.body is not None and self.ct is not None:

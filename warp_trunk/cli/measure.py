@@ -53,7 +53,7 @@ class Measure:
     out: Path | None = None
     """Folder for measures.json and measures.csv, or their name without ending; by default beside the skin."""
 
-    def run(self, arguments: list[str]) -> int:
+    def run(self) -> int:
         """Prints the measures and writes them."""
         file = skin_file(self.skin, finished=self.case is None and self.spine is None)
         stem = self.out or file.with_name(f"{file.stem}_measures")

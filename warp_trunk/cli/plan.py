@@ -71,7 +71,7 @@ class PlanCommand:
     options: Annotated[RunOptions, tyro.conf.arg(name="")] = field(default_factory=RunOptions)
     """How it is simulated."""
 
-    def run(self, arguments: list[str]) -> int:
+    def run(self) -> int:
         """Writes the planned case and prints what the plan asks for, or opens the planning page."""
         if self.options.live:
             return self._open_page()

@@ -32,7 +32,7 @@ class View:
     web: bool = False
     """Show it in a browser on this machine instead of a window."""
 
-    def run(self, arguments: list[str]) -> int:
+    def run(self) -> int:
         """Starts the viewer, which other machines cannot reach, and waits for its end."""
         return view_result(self.result, web=self.web)
 
@@ -49,7 +49,7 @@ class Report:
     views: Literal["dressed", "bare"] = "dressed"
     """Front and side are shown in a shirt; bare shows them without clothes too."""
 
-    def run(self, arguments: list[str]) -> int:
+    def run(self) -> int:
         """Writes the page and prints its place."""
         if not self.results:
             raise InputError("report: RESULTS is missing; give one folder that `simulate` wrote, or several")
@@ -83,7 +83,7 @@ class Export:
     plain: bool = False
     """Write the skin without the colours of its scan."""
 
-    def run(self, arguments: list[str]) -> int:
+    def run(self) -> int:
         """Writes the file."""
         out = self.out or (self.result / "skin.glb" if self.glb else None)
         if out is None:

@@ -1,13 +1,13 @@
 """warp-trunk simulate and demo, and what every command that simulates shares."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, ClassVar
 
 import tyro
-from tyro.conf import Positional, UseAppendAction
+from tyro.conf import Positional, Suppress, UseAppendAction
 
 from warp_trunk.bone_motion.plan import read_plan
 from warp_trunk.bone_motion.plan.plan_file import plan_files
@@ -75,23 +75,21 @@ class SimulationArguments:
     tissue: Constants = field(default_factory=Constants)
     """Material of the soft tissue; values that are not given come from the tissue file, then from case.toml."""
 
-    def chosen(self, arguments: list[str]) -> RunOptions:
-        """How the cases are simulated, by the words of the command."""
+    given: Suppress[Mapping[str, str]] = field(default_factory=dict)
+    """Options that the command gives, by their names in Python, and as they were written."""
+
+    @property
+    def chosen(self) -> RunOptions:
+        """How the cases are simulated."""
         if not self.papers:
             return self.options
-        return replace(self.options, **{name: PAPERS[name] for name in PAPERS.keys() - _given(arguments).keys()})
+        return replace(self.options, **{name: PAPERS[name] for name in PAPERS.keys() - self.given.keys()})
 
-    def changes(self, arguments: list[str]) -> CaseChanges:
-        """The changes to each case: constants of the tissue file, and over them those of its
-        words."""
+    @property
+    def changes(self) -> CaseChanges:
+        """The changes to each case: constants of the tissue file, and over them those of the command."""
         constants = {} if self.tissue_file is None else read_tissue_file(self.tissue_file)
-        return CaseChanges(constants | self.tissue.given, _given(arguments))
-
-
-def _given(arguments: list[str]) -> dict[str, str]:
-    """The options among the words of a command by their names in Python, and as they were written."""
-    words = (word.partition("=")[0] for word in arguments if word.startswith("--"))
-    return {word.removeprefix("--").replace("-", "_"): word for word in words}
+        return CaseChanges(constants | self.tissue.given, dict(self.given))
 
 
 def report_ending(result: Result, name: str = "") -> int:
@@ -139,7 +137,7 @@ class Simulate(SimulationArguments):
     """Plan that overrides landmarks_after of the case: plan.toml, or a folder that contains one; repeat it to
     compare plans, which share the mesh and the model of the patient."""
 
-    def run(self, arguments: list[str]) -> int:
+    def run(self) -> int:
         """Simulates the case, or each plan or file of motions for it, and writes the results."""
         out = self.out or Path("results") / self.case.resolve().name
         files = {file.stem: file for file in self.motions} or {"": None}
@@ -148,14 +146,14 @@ class Simulate(SimulationArguments):
         if len(files) < len(self.motions):
             raise InputError("--motions: results are called after the files; give each file a name of its own")
         plans = {name: read_plan(file) for name, file in plan_files(self.plan).items()}
-        options, ends = self.chosen(arguments), list[int]()
+        options, ends = self.chosen, list[int]()
         with Progress() as progress, crossings_written(out):
             with progress.stage("load", f"reading {self.case}"):
                 read = {
                     name: read_checked_case(self.case, align=self.align_pelvis, motions=file)
                     for name, file in files.items()
                 }
-            changes = self.changes(arguments)
+            changes = self.changes
             cases = [(name, changes.of(case, options), warnings) for name, (case, warnings) in read.items()]
             _, case, warnings = cases[0]
 
@@ -198,7 +196,7 @@ class Demo:
     )
     """How the case is simulated."""
 
-    def run(self, arguments: list[str]) -> int:
+    def run(self) -> int:
         """Simulate the synthetic trunk and print how to look at the result."""
         with Progress() as progress:
             with progress.stage("load", "making the synthetic trunk"):

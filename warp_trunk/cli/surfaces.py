@@ -62,7 +62,7 @@ class Close:
     options: Annotated[CloseOptions, tyro.conf.arg(name="")] = field(default_factory=CloseOptions)
     """How the surface is made."""
 
-    def run(self, arguments: list[str]) -> int:
+    def run(self) -> int:
         """Writes the closed skin."""
         cuts = cut_planes(self.cut, self.cut_above, self.cut_below)
         check_written(self.out)
@@ -113,7 +113,7 @@ class FindLandmarks:
     picture: Path | None = None
     """PNG file to write: the bones from behind and from the left with the landmarks, for a visual check."""
 
-    def run(self, arguments: list[str]) -> int:
+    def run(self) -> int:
         """Writes the landmarks and names what is missing."""
         for place, ending in ((self.out, ".csv"), (self.picture, ".png")):
             if place is not None:
@@ -180,7 +180,7 @@ class MakeCase:
     correction: float = 0.7
     """Fraction of Cobb angle and axial rotation that surgery takes away, 0 to 1."""
 
-    def run(self, arguments: list[str]) -> int:
+    def run(self) -> int:
         """Writes the case folder."""
         if self.spine is not None:
             curve = read_measured_spine(self.spine)
@@ -225,7 +225,7 @@ class Cut:
     """Cut only parts beyond the plane that come nearer to its point than this [mm]; by default all. A bone that is
     cut again stays whole in bones_uncut."""
 
-    def run(self, arguments: list[str]) -> int:
+    def run(self) -> int:
         """Writes the parts in place of the bone."""
         header = read_header(self.case / HEADER)
         files = surface_files(self.case / "bones")
