@@ -6,13 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from warp_trunk.bone_motion.rib_cage import RibCage, ends
 from warp_trunk.bone_motion.rib_cage import follow as follow_cage
 from warp_trunk.bone_motion.vertebra_motion import Vertebrae
 from warp_trunk.case.rib_coupling import RibCoupling
-from warp_trunk.geometry.rigid import NamedMotions, RigidMotion
+from warp_trunk.geometry.rigid import NamedMotions, RigidMotion, fit_rigid
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.preparation.deformity.spine_curve import SpineCurve, vertebra_poses
 from warp_trunk.preparation.phantom import straight_trunk
@@ -133,6 +134,21 @@ def test_ribs_below_the_seventh_take_a_part_of_the_tilt_that_grows_downwards() -
         assert leaned(rib) == pytest.approx(
             part * 0.5 * CURVED.parts([vertebra(rib)]).lateral_bending[0], abs=2e-3
         )
+
+
+def test_sternum_and_shoulder_blade_are_nearest_to_what_carries_them() -> None:
+    """Of ribs each of which moves on its own: the rigid motion fitted to the points that carry, all together."""
+    bones, random = {**BONES, "scapula_left": BONES["rib_left_05"]}, np.random.default_rng(2)
+    known = {rib: RigidMotion.exp(random.normal(size=6) * [0.1, 0.1, 0.1, 9.0, 9.0, 9.0]) for rib in RIBS}
+    found = follow(bones, CURVED, RibCoupling(), known)
+    tips = {rib: ends(BONES[rib], BONES[vertebra(rib)])[1][None] for rib in RIBS if int(rib[-2:]) <= 7}
+    near = {rib: BONES[rib].vertices for rib in (f"rib_left_{number:02d}" for number in range(2, 8))}
+    tree = KDTree(bones["scapula_left"].vertices)
+    near = {rib: points[tree.query(points)[0] <= 20.0] for rib, points in near.items()}
+    for bone, parts in (("sternum", tips), ("scapula_left", near)):
+        after = np.vstack([known[rib].apply(points) for rib, points in parts.items()])
+        wanted = fit_rigid(np.vstack(list(parts.values())), after)
+        np.testing.assert_allclose(found[bone].as_matrix(), wanted.as_matrix(), atol=1e-9)
 
 
 def test_a_shoulder_blade_rides_on_the_ribs_under_it() -> None:
