@@ -9,8 +9,7 @@ from support.trunk_shapes import with_points
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures.cobb import spine_height
 from warp_trunk.measures.shoulders import INNER, OUTER, shoulder_heights
-from warp_trunk.measures.spine import spine_of
-from warp_trunk.measures.trunk_shift import sacral_line, trunk_shift
+from warp_trunk.measures.spine import sacral_line, spine_of, trunk_shift
 
 LEFT = np.array([1.0, 0.0])
 

@@ -5,7 +5,7 @@ import pytest
 
 from support.synthetic import box
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures.chest import chest_indices
+from warp_trunk.measures.part import chest_indices
 
 BONES = {
     "T8": box((30.0, 30.0, 160.0), (0.0, 50.0, 0.0), splits=3),

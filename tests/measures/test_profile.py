@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from warp_trunk.measures.points import profile
+from warp_trunk.measures.part import profile
 
 FACE = {
     "nose_tip": np.array([0.0, -20.0, 40.0]),

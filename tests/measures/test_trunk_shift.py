@@ -9,7 +9,7 @@ from support.trunk_shapes import ASIS, ellipse, spine, tube, with_points
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
-from warp_trunk.measures.trunk_shift import TrunkShift
+from warp_trunk.measures.spine import TrunkShift
 
 LEVELS = {"T1": 380.0, "T8": 240.0, "L5": 80.0}
 

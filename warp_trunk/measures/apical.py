@@ -13,13 +13,11 @@ import numpy as np
 from warp_trunk.case.anatomy import THORACIC
 
 from .back_rotation import turn
-from .spine import Spine
-from .trunk_shift import top_of_spine
+from .spine import Spine, top_of_spine
 
 if TYPE_CHECKING:
     from .cobb import CobbAngle
-    from .spine import Spine
-    from .trunk_shift import SacralLine
+    from .spine import SacralLine, Spine
 
 TURNED = 5.0
 """An apex turned by less than this has no neutral vertebra beside it [degrees]: films cannot distinguish it

@@ -15,11 +15,9 @@ from warp_trunk.errors import InputError, expect
 from .apical import ApicalVertebra, apical_vertebrae, axial_rotation
 from .back_rotation import DualTangent, hump_height, tangents_of
 from .cobb import CobbAngle, SpineHeight, curves_of, kyphosis, lordosis, spine_height
-from .outlines import FlankAsymmetry, flank_asymmetry, outlines_of
+from .outlines import FlankAsymmetry, Waist, flank_asymmetry, outlines_of, waist_of
 from .shoulders import Shoulders, shoulder_heights
-from .spine import Spine, spine_of
-from .trunk_shift import SacralLine, TrunkShift, sacral_line, trunk_shift
-from .waist import Waist, waist_of
+from .spine import SacralLine, Spine, TrunkShift, sacral_line, spine_of, trunk_shift
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks

@@ -1,19 +1,27 @@
-"""Measures of any part of the body, with a spine or without: the change of the skin, and its error."""
+"""Measures of any part of the body: the change of the skin and its error, points, and a funnel chest."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.case.anatomy import region
+from warp_trunk.case.points import SKIN
 from warp_trunk.engine.trunk_mesh import tet_volumes
+from warp_trunk.geometry.distance_field import nearest
 from warp_trunk.geometry.normals import area_vectors, corner_areas
+from warp_trunk.geometry.surface import Surface
 
 from .skin_distance import same_skin
 
 if TYPE_CHECKING:
+    from warp_trunk.case import Case
     from warp_trunk.engine.trunk_mesh import TrunkMesh
+    from warp_trunk.geometry.rigid import RigidMotion
     from warp_trunk.geometry.surface import Surface
 
 NEAR = 2.0
@@ -75,3 +83,176 @@ def tissue_volume_change(trunk: TrunkMesh, displacement: np.ndarray) -> float:
     before = tet_volumes(trunk.nodes, trunk.tets).sum()
     after = tet_volumes(trunk.nodes + displacement, trunk.tets).sum()
     return 100.0 * (float(after / before) - 1.0)
+
+
+Place = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class FollowedPoint:
+    """A point before surgery and as predicted, in LPS."""
+
+    name: str
+    """Its name."""
+    on: str
+    """On what it lies, `skin` or a bone."""
+    before: Place
+    """Before surgery [mm]."""
+    after: Place
+    """As predicted [mm]."""
+    bone_point: str = ""
+    """The point on bone with which it is compared; empty for none."""
+    ratio: float | None = None
+    """How far it moves along the way of that point, as a part of that way: s.h / h.h; None for no way."""
+
+    @property
+    def way(self) -> np.ndarray:
+        """From before to after [mm], shape (3,)."""
+        return np.subtract(self.after, self.before)
+
+
+def follow_points(
+    case: Case, skin: np.ndarray, motion_of: Callable[[str], RigidMotion]
+) -> tuple[FollowedPoint, ...]:
+    """Displaced points of a case: on the skin with their triangle, on bone rigidly.
+
+    Args:
+        case: the case with its points.
+        skin: vertices of the predicted skin [mm], shape (vertices, 3).
+        motion_of: the motion of a bone by its name.
+    """
+    marks = case.points.marks
+    moved: dict[str, tuple[str, np.ndarray, np.ndarray]] = {}
+    for name, point, (owner, _) in zip(marks.names, marks.points, case.point_owners, strict=True):
+        if owner == SKIN:
+            face, weights = nearest(case.skin, point[None], 1000.0)
+            corners = case.skin.faces[face[0]]
+            way = weights[0] @ (skin[corners] - case.skin.vertices[corners])
+        else:
+            way = motion_of(owner).apply(point) - point
+        moved[name] = owner, point, way
+    found = []
+    for name, (owner, point, way) in moved.items():
+        other = case.points.pairs.get(name, "")
+        hard = moved[other][2] if other else np.zeros(3)
+        ratio = float(way @ hard / (hard @ hard)) if np.linalg.norm(hard) > 1e-3 else None
+        found.append(FollowedPoint(name, owner, _place(point), _place(point + way), other, ratio))
+    return tuple(found)
+
+
+def _place(point: np.ndarray) -> Place:
+    x, y, z = point.tolist()
+    return x, y, z
+
+
+ANGLES = {
+    "Nasolabial angle [°]": ("columella", "subnasale", "upper_lip"),
+    "Mentolabial angle [°]": ("lower_lip", "mentolabial_fold", "chin"),
+}
+"""Each with its first point, its corner and its last point (Legan and Burstone 1980)."""
+LINE = ("nose_tip", "chin")
+"""The ends of the E-line (Ricketts 1957)."""
+
+
+def profile(places: Mapping[str, np.ndarray]) -> dict[str, float]:
+    """The measures whose points are there: angles, and how far lips are in front of the E-line, from the side.
+
+    Args:
+        places: points by name, in LPS [mm], shape (3,) each.
+    """
+    found = {}
+    for name, corners in ANGLES.items():
+        if places.keys() >= set(corners):
+            first, corner, last = (places[point] for point in corners)
+            one, other = first - corner, last - corner
+            found[name] = math.degrees(math.atan2(float(np.linalg.norm(np.cross(one, other))), float(one @ other)))
+    if places.keys() >= set(LINE):
+        (_, back, up), tip = places[LINE[1]] - places[LINE[0]], places[LINE[0]]
+        for lip in {"upper_lip", "lower_lip"} & places.keys():
+            _, behind, above = places[lip] - tip
+            found[f"{lip} in front of the E-line [mm]"] = float(behind * up - above * back) / math.hypot(back, up)
+    return dict(sorted(found.items()))
+
+
+_STEP = 5.0
+"""Distances between sternum and vertebra are measured at heights this far apart [mm]."""
+_COLUMN = 15.0
+"""Width of the columns in which the inside of the wall is found [mm]; narrower ones miss it between vertices."""
+_MIDLINE = 10.0
+"""The sternum is measured within this distance of its middle [mm]."""
+_SLAB = 12.0
+"""Ribs cross a plane obliquely: those within this height of it count [mm]."""
+
+
+_WALL = ("rib_", "costal_")
+
+
+def is_of_chest(bone: str) -> bool:
+    """Whether an index depends on a bone."""
+    return bone == "sternum" or region(bone) == "T" or bone.startswith(_WALL)
+
+
+def chest_indices(skin: Surface, bones: Mapping[str, Surface]) -> dict[str, float]:
+    """The indices of a chest at the height where the lower half of the sternum is nearest to the spine.
+
+    - Haller index: the largest inner width of the chest over the smallest distance between sternum and vertebra
+      (Haller, Kramer and Lietman, J. Pediatr. Surg. 22, 1987, 904-906).
+    - Correction index: 100 (b - a) / b with that smallest distance a and the largest distance b from the front of
+      the vertebra to the inside of the front wall (St. Peter et al., J. Pediatr. Surg. 46, 2011, 2270-2273).
+    - External sternal angle: the inclination to the vertical of the skin over the midline of the sternum, by a
+      straight line fitted to it; positive where its lower end lies further forward.
+
+    Args:
+        skin: the skin in LPS [mm].
+        bones: bones by name, in the same state.
+
+    Returns:
+        The indices by name and unit; none without a sternum, both sides of ribs and a vertebra at that height.
+    """
+    thoracic = [bones[name].vertices for name in bones if region(name) == "T"]
+    wall = [bones[name].vertices for name in bones if name.startswith(_WALL)]
+    if "sternum" not in bones or not thoracic or not wall:
+        return {}
+    sternum, spine, ribs = bones["sternum"].vertices, np.vstack(thoracic), np.vstack(wall)
+    middle = float(np.median(sternum[:, 0]))
+    body = spine[np.abs(spine[:, 0] - middle) < _MIDLINE]
+    central = sternum[np.abs(sternum[:, 0] - middle) < _MIDLINE]
+    depths = {}
+    low, high = sternum[:, 2].min(), sternum[:, 2].max()
+    for height in np.arange(low + _STEP, 0.5 * (low + high), _STEP):
+        front, back = (_slab(points, height, _STEP)[:, 1] for points in (body, central))
+        if len(front) and len(back):
+            depths[height] = float(front.min() - back.max()), float(front.min())
+    if not depths:
+        return {}
+    height = min(depths, key=lambda at: depths[at][0])
+    nearest, vertebra = depths[height]
+    around = _slab(np.vstack([ribs, sternum]), height, _SLAB)
+    lateral = around[around[:, 1] < vertebra + 2.0 * nearest]
+    widths = [
+        float(lateral[row & right, 0].min() - lateral[row & ~right, 0].max())
+        for row in _columns(lateral[:, 1])
+        if (right := lateral[:, 0] > middle)[row].any() and (~right)[row].any()
+    ]
+    ahead = around[around[:, 1] < vertebra - 0.5 * nearest]
+    inner = [float(ahead[column, 1].max()) for column in _columns(ahead[:, 0])]
+    line = skin.vertices[np.abs(skin.vertices[:, 0] - middle) < _MIDLINE]
+    line = line[(line[:, 1] < vertebra) & (line[:, 2] > low) & (line[:, 2] < high)]
+    if not widths or not inner or len(line) < 3:
+        return {}
+    furthest = max(vertebra - min(inner), nearest)
+    return {
+        "Haller index": max(widths) / nearest,
+        "Correction index [%]": 100.0 * (furthest - nearest) / furthest,
+        "External sternal angle [°]": math.degrees(math.atan(float(np.polyfit(line[:, 2], line[:, 1], 1)[0]))),
+    }
+
+
+def _slab(points: np.ndarray, height: float, half: float) -> np.ndarray:
+    return points[np.abs(points[:, 2] - height) < half]
+
+
+def _columns(values: np.ndarray) -> list[np.ndarray]:
+    """Which values (n,) lie in each column of width `_COLUMN`, shape (n,) bool each."""
+    number = np.floor(values / _COLUMN)
+    return [number == one for one in np.unique(number)]

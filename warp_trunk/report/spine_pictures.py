@@ -9,8 +9,7 @@ from matplotlib.patches import Polygon
 
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.measures import CobbAngle, curves_after
-from warp_trunk.measures.spine import spine_of
-from warp_trunk.measures.trunk_shift import sacral_line
+from warp_trunk.measures.spine import sacral_line, spine_of
 
 from .panels import Extent, panels
 from .relief import BEHIND, RIGHT, Viewpoint, seen_from

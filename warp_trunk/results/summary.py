@@ -24,7 +24,7 @@ from warp_trunk.io.atomic_write import json_text
 from warp_trunk.io.file_access import read_text
 from warp_trunk.io.result_files import SUMMARY
 from warp_trunk.measures import CobbAngle
-from warp_trunk.measures.points import FollowedPoint
+from warp_trunk.measures.part import FollowedPoint
 from warp_trunk.measures.quantities import ACTUAL, Measured
 from warp_trunk.measures.skin_quality import SkinQuality
 
@@ -158,7 +158,7 @@ class Summary:
     invented: Invented | None = None
     """The parts of the case that were not measured."""
     chest: dict[str, tuple[float, float]] = field(default_factory=dict)
-    """Indices of the chest before and as predicted (`measures.chest`), where they are measured."""
+    """Indices of the chest before and as predicted (`measures.part`), where they are measured."""
 
     def __post_init__(self) -> None:
         """Raises ValueError for a status that no relaxation has."""

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from warp_trunk.cohort.calibration.calibrate import Rounds
 from warp_trunk.cohort.calibration.fit import Prior
 from warp_trunk.cohort.calibration.free_constants import FreeConstant
 from warp_trunk.cohort.calibration.one_fit import CaseFit, FitJob
-from warp_trunk.cohort.calibration.rounds import Rounds
 from warp_trunk.errors import InputError
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.progress import Progress

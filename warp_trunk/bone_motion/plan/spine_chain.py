@@ -11,8 +11,7 @@ import numpy as np
 
 from warp_trunk.case.anatomy import rank
 from warp_trunk.errors import InputError
-from warp_trunk.measures.spine import spine_of
-from warp_trunk.measures.trunk_shift import SacralLine, sacral_line, top_of_spine
+from warp_trunk.measures.spine import SacralLine, sacral_line, spine_of, top_of_spine
 
 from ..vertebra_motion import attitudes
 
