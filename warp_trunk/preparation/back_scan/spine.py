@@ -14,12 +14,10 @@ from warp_trunk.io.file_access import read_text
 from warp_trunk.io.point_files import read_points
 from warp_trunk.measures.back import TURN, vertebrae_on_line
 
-from ..deformity.spine_curve import VertebraPose
+from ..deformity.spine_curve import VertebraPose, down_along, smooth_track
 
 TURN_SD = {"line": 6.0, "pedicles": 4.0, "landmarks": 3.0}
 """Standard deviation of the turn of a vertebra by what is known of the spine [degrees]."""
-_SMOOTH = 3000.0
-"""Weight of the integrated squared curvature in the smoothing of a track [mm^3]."""
 _FEWEST = 6
 _EACH = 3.0
 """The smoothed line is sampled at this distance [mm]."""
@@ -133,14 +131,9 @@ class PlacedSpine:
 
 def smoothed(line: np.ndarray) -> np.ndarray:
     """The line as smooth as a spine is, sampled evenly and continued straight at both ends, shape (n, 3) [mm]."""
-    from scipy.interpolate import make_smoothing_spline  # heavy
-
-    down = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    kept = np.concatenate([[True], np.diff(down) > 1e-6])
-    down, line = down[kept], line[kept]
-    fits = [make_smoothing_spline(down, track, lam=_SMOOTH) for track in line.T]
-    at = np.arange(0.0, down[-1] + _EACH, _EACH).clip(max=down[-1])
-    fine = np.column_stack([fit(at) for fit in fits])
+    line = line[np.append(True, np.diff(down_along(line)) > 1e-6)]
+    long = down_along(line)[-1]
+    fine = smooth_track(line, line)(np.arange(0.0, long + _EACH, _EACH).clip(max=long))
     first = (fine[:4] - fine[4:8]).mean(axis=0)
     last = (fine[-4:] - fine[-8:-4]).mean(axis=0)
     steps = np.arange(1, 30)[:, None] * _EACH
@@ -169,8 +162,6 @@ def place_spine(
         centres = np.column_stack([np.interp(-usual, heights, track) for track in fine.T])
         up = -np.column_stack([np.interp(-centres[:, 2], heights, track) for track in slope.T])
         return PlacedSpine(centres, up / np.linalg.norm(up, axis=1)[:, None], None)
-    from scipy.interpolate import make_smoothing_spline  # heavy
-
     above, known = len(VERTEBRAE) - len(spine.levels), spine.line
     size = np.linalg.norm(np.diff(known, axis=0), axis=1).sum()
     size /= np.linalg.norm(np.diff(body[above:], axis=0), axis=1).sum()
@@ -178,8 +169,7 @@ def place_spine(
     lean = (known[0] - known[2]) / np.linalg.norm(known[0] - known[2])
     own = (body[above] - body[above + 2]) / np.linalg.norm(body[above] - body[above + 2])
     centres = np.vstack([known[0] + offset + np.linalg.norm(offset, axis=1)[:, None] * (lean - own), known])
-    down = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(centres, axis=0), axis=1))])
-    up = -np.column_stack([make_smoothing_spline(down, t, lam=_SMOOTH).derivative()(down) for t in centres.T])
+    up = -smooth_track(centres, centres).derivative()(down_along(centres))
     if spine.up is not None:
         up[above:] = spine.up
     across = None
@@ -198,8 +188,6 @@ def turns_of(placed: PlacedSpine, smooth: bool) -> np.ndarray:
         placed: in the frame of the pelvis.
         smooth: whether errors of single pedicles are smoothed.
     """
-    from scipy.interpolate import make_smoothing_spline  # heavy
-
     centres = placed.centres
     if placed.across is None:
         chord = np.interp(centres[:, 2], centres[[-1, 0], 2], centres[[-1, 0], 0])
@@ -207,10 +195,8 @@ def turns_of(placed: PlacedSpine, smooth: bool) -> np.ndarray:
     turn = np.arctan2(placed.across[:, 1], placed.across[:, 0])
     above = int(np.isnan(turn).sum())
     if smooth:
-        down = np.cumsum(
-            np.linalg.norm(np.diff(centres[above:], axis=0, prepend=centres[above : above + 1]), axis=1)
-        )
-        turn[above:] = make_smoothing_spline(down, turn[above:], lam=_SMOOTH)(down)
+        known = centres[above:]
+        turn[above:] = smooth_track(known, turn[above:])(down_along(known))
     turn[:above] = turn[above] * np.arange(1, above + 1) / (above + 1) if above < len(turn) else 0.0
     return turn
 

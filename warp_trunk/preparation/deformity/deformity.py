@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,11 +22,6 @@ from warp_trunk.measures.spine import asis_axis, spine_of
 
 from ..landmark_finder import find_landmarks
 from .spine_curve import VERTEBRAE, MeasuredSpine, SpineCurve, VertebraPose, vertebra_poses
-
-if TYPE_CHECKING:
-    from warp_trunk.case.landmarks import Landmarks
-    from warp_trunk.geometry.surface import Surface
-
 
 Curve = SpineCurve | MeasuredSpine
 """A deformed spine that can be imposed on a straight one."""

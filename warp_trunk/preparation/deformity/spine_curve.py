@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from warp_trunk.case.anatomy import VERTEBRAE
+from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.errors import InputError, check_ranges
 from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.measures.cobb import sagittal_angle
@@ -26,17 +28,10 @@ from .published_curves import (
 )
 
 if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
+
     from warp_trunk.case.landmarks import Landmarks
     from warp_trunk.measures.spine import Spine
-
-from pathlib import Path
-from typing import TYPE_CHECKING
-
-from warp_trunk.case.landmarks import read_landmarks
-
-if TYPE_CHECKING:
-    from warp_trunk.measures.spine import Spine
-
 
 LEVELS = len(VERTEBRAE)
 
@@ -372,13 +367,9 @@ def measured_spine(name: str, body: np.ndarray, turn: np.ndarray) -> MeasuredSpi
         body: centres down to L5, the highest first, shape (n, 3) [mm].
         turn: axial rotation of each, positive from +x to +y [rad], shape (n,).
     """
-    from scipy.interpolate import make_smoothing_spline  # heavy
-
-    down = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(body, axis=0), axis=1))])
-    line = [make_smoothing_spline(down, track, lam=_SMOOTH).derivative()(down) for track in body.T]
-    x, y, z = (-track for track in line)  # going up
+    x, y, z = -smooth_track(body, body).derivative()(down_along(body)).T  # going up
     tilt, pitch = np.arctan2(x, z), np.arctan2(-y, np.hypot(x, z))
-    turn = make_smoothing_spline(down, turn, lam=_SMOOTH)(down)
+    turn = smooth_track(body, turn)(down_along(body))
     turn -= 0.5 * (turn[0] + turn[-1])
     above = LEVELS - len(body)
     fade = np.arange(1, above + 1) / (above + 1)
@@ -395,3 +386,15 @@ def measured_spine(name: str, body: np.ndarray, turn: np.ndarray) -> MeasuredSpi
 _SMOOTH = 3000.0
 """Weight of the integrated squared curvature in the smoothing of a track [mm^3]: of errors that alternate from
 level to level it leaves a tenth, of a curve over seven levels 97 %."""
+
+
+def down_along(line: np.ndarray) -> np.ndarray:
+    """How far each point of a line (n, 3) is from its first one along it [mm], shape (n,)."""
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+
+
+def smooth_track(line: np.ndarray, values: np.ndarray) -> BSpline:
+    """Values (n, ...) at the points of a line (n, 3) as smooth as a spine is, over the way along it."""
+    from scipy.interpolate import make_smoothing_spline  # heavy
+
+    return make_smoothing_spline(down_along(line), values, lam=_SMOOTH)
