@@ -30,7 +30,7 @@ def test_importing_the_package_and_all_its_names_starts_no_cuda():
 import sys, warp_trunk
 for name in warp_trunk.__all__:
     getattr(warp_trunk, name)
-import warp_trunk.cohort.working, warp_trunk.cohort.cluster
+import warp_trunk.cohort.working
 warp = sys.modules["warp"]
 assert warp._src.context.runtime is None, "Warp is initialised"
 libraries = open("/proc/self/maps").read() if sys.platform == "linux" else ""

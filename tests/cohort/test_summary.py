@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from warp_trunk.cohort.cohort_page import worse_parts, write_cohort
-from warp_trunk.cohort.rows import CaseRow
+from warp_trunk.cohort.one_case import CaseRow
 from warp_trunk.cohort.summary import case_errors, errors, summarize_cohort
 from warp_trunk.measures.quantities import Measured
 

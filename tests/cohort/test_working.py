@@ -17,10 +17,8 @@ from support.cohort_cases import cohort_options, contents, turned_case, write_co
 from support.killing import killed_at_work
 from warp_trunk.case import write_case
 from warp_trunk.cli import main
-from warp_trunk.cohort.cluster import connected
-from warp_trunk.cohort.one_case import LOG, do_case
-from warp_trunk.cohort.rows import JUDGED
-from warp_trunk.cohort.working import work
+from warp_trunk.cohort.one_case import JUDGED, LOG, do_case
+from warp_trunk.cohort.working import connected, work
 from warp_trunk.errors import InputError
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.unread_options import CaseChanges
@@ -135,7 +133,7 @@ def test_a_scheduler_that_is_lost_loses_no_result(cases: Path, alone: Path, tmp_
     ],
 )
 def test_refused(arguments: tuple[int, str | None, str], said: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("warp_trunk.cohort.cluster.PATIENCE", 0.5)
+    monkeypatch.setattr("warp_trunk.cohort.working.PATIENCE", 0.5)
     with pytest.raises(InputError, match=said), connected(*arguments):
         pass
 

@@ -13,9 +13,8 @@ from warp_trunk.cohort.calibration.calibrate import calibrate
 from warp_trunk.cohort.calibration.free_constants import FreeConstant, check_free
 from warp_trunk.cohort.calibration.one_fit import FitJob
 from warp_trunk.cohort.calibration.report import calibration_text, check_file, write_calibration
-from warp_trunk.cohort.cluster import connected
 from warp_trunk.cohort.one_case import CohortOptions
-from warp_trunk.cohort.working import CPU_THREADS, case_folders, check_out, work
+from warp_trunk.cohort.working import CPU_THREADS, case_folders, check_out, connected, work
 from warp_trunk.errors import InputError
 from warp_trunk.run.progress import Progress
 

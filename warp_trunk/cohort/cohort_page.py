@@ -16,7 +16,7 @@ from warp_trunk.measures.quantities import DETECTABLE, MeasureTable
 from warp_trunk.report.page import rendered
 from warp_trunk.report.style import ACTUAL, BEFORE, INK, PREDICTED, RC, file_of, new_figure
 
-from .rows import FAILED, CaseRow
+from .one_case import FAILED, CaseRow
 from .statistics import Estimate
 from .summary import AGAINST, WHOLE, CohortSummary, case_errors, errors, summarize_cohort, tidy
 

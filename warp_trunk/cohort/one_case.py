@@ -8,16 +8,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import msgspec
+
 from warp_trunk.case import read_checked_case
 from warp_trunk.case.fingerprint import Fingerprint, difference, fingerprint_of
 from warp_trunk.engine.parallel import choose_device, choose_threads
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.spline import fit_spline
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.atomic_write import json_text, write_whole
 from warp_trunk.io.result_files import MEASURES, PREDICTED_SKIN
 from warp_trunk.measures import measure
 from warp_trunk.measures.part import agreement
-from warp_trunk.measures.quantities import BEFORE, PREDICTED, Measured, measured
+from warp_trunk.measures.quantities import ACTUAL, BEFORE, PREDICTED, Measured, MeasureTable, measured
 from warp_trunk.results import Result
 from warp_trunk.results.judging import judged, write_measures
 from warp_trunk.results.summary import versions
@@ -26,10 +29,9 @@ from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
 from warp_trunk.run.unread_options import CaseChanges
 
-from .rows import FAILED, JUDGED, CaseRow, Judged, read_judged, write_judged
-
 if TYPE_CHECKING:
     from warp_trunk.case import Case
+
 
 LOG = "log.txt"
 """Progress of a worker that simulates a case, in the case's result folder."""
@@ -154,3 +156,83 @@ def _carried(case: Case) -> list[Measured]:
     carry = fit_spline(case.landmarks_before.points, case.planned_landmarks.points)
     skin = Surface(carry(case.skin.vertices), case.skin.faces)
     return measured("spline", measure(skin, case.planned_landmarks), of="skin")
+
+
+JUDGED = "judged.json"
+"""The file of a case's result that is written last: with it, the case needs nothing more."""
+FAILED = "FAILED"
+"""Status of a case without a result; every other one is a name of `RelaxStatus`."""
+CONVERGED = "CONVERGED"
+"""Status of the cases that count."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaseRow:
+    """One case of a cohort, simulated and judged, or the reason why not."""
+
+    folder: str
+    """Name of its folder, and of its result's."""
+    status: str
+    """Why its last relaxation ended, or `FAILED`."""
+    reason: str = ""
+    """Why it has no result, in one line."""
+    case: str = ""
+    """Its name."""
+    patient: str = ""
+    """Whose it is."""
+    pose: str = "surgery"
+    """The pose of the second scan: surgery or bending."""
+    synthetic: bool = False
+    """Whether a computer made it."""
+    cobb_deg: float | None = None
+    """Largest curve before surgery [degrees]."""
+    correction_percent: float | None = None
+    """Part of it that is taken away, between the same vertebrae."""
+    months_after: float | None = None
+    """Months from surgery to the actual skin."""
+    tets: int | None = None
+    """Tetrahedra of its mesh."""
+    measures: tuple[Measured, ...] = ()
+    """Every number of the states before, predicted, spline (the skin before surgery where the spline of the
+    landmarks takes it, without any tissue), actual and error."""
+    warnings: int = 0
+    """How many warnings its result has."""
+    seconds: float | None = None
+    """Duration [s]."""
+    peak_memory_mb: float | None = None
+    """Largest memory of its worker until then [MB]."""
+
+    @property
+    def counts(self) -> bool:
+        """Whether statistics take it in: it converged, after surgery, and the actual skin is known."""
+        return self.status == CONVERGED and self.pose == "surgery" and self.judged
+
+    @property
+    def judged(self) -> bool:
+        """Whether its actual back is known at any level, or without a spine its actual skin."""
+        table = MeasureTable(self.measures)
+        known = (*table.values(ACTUAL, "bsr_deg").values(), table.value("error", "distance_mean_mm"))
+        return any(value is not None for value in known)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judged:
+    """A row, and what it depends on."""
+
+    made_from: Fingerprint
+    """Case, options and programs."""
+    row: CaseRow
+    """The row."""
+
+
+def write_judged(folder: Path, judged: Judged) -> None:
+    """Writes the record into a result folder, complete or not at all."""
+    write_whole(folder / JUDGED, json_text(judged))
+
+
+def read_judged(folder: Path) -> Judged | None:
+    """The record of a result folder; None where there is none that can be read: the case is then done again."""
+    try:
+        return msgspec.json.decode((folder / JUDGED).read_bytes(), type=Judged)
+    except (OSError, msgspec.MsgspecError, RecursionError):
+        return None

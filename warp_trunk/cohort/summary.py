@@ -11,7 +11,7 @@ import polars as pl
 from warp_trunk.measures.comparison import RANGES
 from warp_trunk.measures.quantities import DETECTABLE
 
-from .rows import CONVERGED, FAILED, CaseRow
+from .one_case import CONVERGED, FAILED, CaseRow
 from .statistics import Estimate, LimitsOfAgreement, Trend, limits_of_agreement, over_patients, trend
 
 WHOLE = "T3-L5"

@@ -26,12 +26,12 @@ from warp_trunk.measures.skin_quality import skin_change
 from . import skin_pictures as skins
 from .clothing import dressed
 from .hump import hump_on_vertices, hump_palette
-from .hump_picture import hump_limit, hump_picture
 from .page import STATES, page, part_page, plan_of_result
 from .part_pictures import change_sections, changed_views, frame_of
 from .plans import check_plans, plan_poses, plans_page, plans_table
 from .plots import convergence_plot, rotation_plot, section_plots
 from .relief import BEHIND, FRONT, RIGHT, in_pelvis
+from .skin_pictures import hump_limit, hump_picture
 from .spine_pictures import spine_picture
 from .style import ACTUAL, BEFORE, BETTER, PREDICTED, RC, WORSE, TrunkState, embedded, file_of
 from .turning import Turning, TurningState, turning
