@@ -128,7 +128,7 @@ def import_case(
     labels = sorted(n for n in masks if n in wanted and n not in few)
     trunk = [n for n in (*labels, *source.surfaces) if of_trunk(n)]
     if not trunk:
-        has = ", ".join(sorted({*labels, *few, *source.surfaces} - {SKIN})[:5])
+        has = ", ".join(sorted({*masks, *source.surfaces, *source.left_over} - {SKIN})[:5])
         raise InputError(f"import: there is no bone of the trunk among the labels ({has}); a case needs vertebrae")
     with stage("bones", f"drawing the surfaces of {len(labels)} bones"):
         drawn = each_over_cores(lambda n: bone_shape(masks[n], n, options.smoothing), labels)
