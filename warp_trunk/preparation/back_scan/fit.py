@@ -118,23 +118,13 @@ def fit_back(
         marks = {level: straight.landmarks.of_bone(level).points for level in VERTEBRAE}
         centroids = np.array([poses[level](marks[level]).mean(axis=0) for level in VERTEBRAE])
         rise = frame.to_patient(centroids)[:, 2] - given.centres[:, 2]
-    scan = replace(
-        scan,
-        points=frame.to_body(scan.points),
-        normals=scan.normals @ frame.rotation,
-        stray=frame.to_body(scan.stray),
-    )
+    scan = scan.carried(frame.to_body, frame.rotation.T)
     skin, bones, landmarks, used, forward = _fitted(straight, placed, turns, scan, back, line)
     everything = np.vstack([frame.to_patient(p) for p in (scan.points[~used], scan.stray)])
     kept = scan.chosen(used)
     distance = np.abs(SurfaceDistance(skin).at(kept.points))
     seen = seen_by(skin, kept)
-    kept = replace(
-        kept,
-        points=frame.to_patient(kept.points),
-        normals=kept.normals @ frame.rotation.T,
-        stray=frame.to_patient(kept.stray),
-    )
+    kept = kept.carried(frame.to_patient, frame.rotation)
     area, unseen, of_patient = corner_areas(skin), ~seen, _turned(skin, frame)
     if colours is not None:
         of_patient = coloured_from_points(of_patient, points, colours, _GROWS)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,6 +43,11 @@ class BackScan:
         """The scan of the points that are kept, bool, shape (n,)."""
         rows = self.points[kept], self.normals[kept], self.areas[kept], self.rim[kept]
         return BackScan(*rows, self.given, self.stray)
+
+    def carried(self, carry: Callable[[np.ndarray], np.ndarray], rotation: np.ndarray) -> BackScan:
+        """The scan in another frame: points by a map, normals by its rotation (3, 3)."""
+        normals = self.normals @ rotation.T
+        return replace(self, points=carry(self.points), normals=normals, stray=carry(self.stray))
 
 
 def clean_scan(points: np.ndarray, inner: np.ndarray, what: str = "back") -> BackScan:
