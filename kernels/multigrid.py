@@ -22,12 +22,12 @@ vertices idle."""
 
 
 @cache
-def grid_matrix_kernels(scalar: type) -> SimpleNamespace:
-    """The kernels that add up their matrices, in one precision."""
+def grid_matrix_kernels(scalar: type, lanes: int) -> SimpleNamespace:
+    """The kernels that add up their matrices, in one precision; `lanes` items share a node's diagonal blocks."""
     vec8 = wp.types.vector(8, scalar)
     mat33 = wp.types.matrix((3, 3), scalar)
     by_corner = wp.types.matrix((24, 3), scalar)
-    module = f"grid_matrices_{scalar.__name__}"
+    module = f"grid_matrices_{scalar.__name__}_{lanes}"
 
     @wp.kernel(module=module, enable_backward=False)
     def grid_diagonal_kernel(
@@ -42,8 +42,9 @@ def grid_matrix_kernels(scalar: type) -> SimpleNamespace:
         diagonal: wp.array(dtype=mat33, ndim=2),
     ):
         """Adds what the matrix row of one node, from its diagonal on, gives to the diagonal blocks of P^T H P."""
-        i = first + wp.tid()
-        if i < end:
+        item = first + wp.tid()
+        if item < end:
+            i = item // lanes
             own = vertex[i]
             w = weight[i]
             for n in range(row_start[i], row_start[i + 1]):
@@ -54,7 +55,7 @@ def grid_matrix_kernels(scalar: type) -> SimpleNamespace:
                     block = blocks[n]
                     if c > i:
                         block += wp.transpose(block)
-                    for k in range(8):
+                    for k in range(item % lanes, 8, lanes):
                         for m in range(8):
                             if own[k] == other[m]:
                                 wp.atomic_add(diagonal, slab, own[k], (w[k] * v[m]) * block)

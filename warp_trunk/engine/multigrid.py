@@ -21,6 +21,7 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.kernels.multigrid import (
+    CORNERS,
     FEW_LANES,
     KEPT,
     NODE_LANES,
@@ -320,10 +321,12 @@ def grid_diagonal(matrix: BlockMatrix, whole: _Interpolation, inverse: wp.array,
     model, size = matrix.model, len(inverse)
     diagonal = model.zeros(inverse.dtype, model.parallel.ranges, size)
     given = [matrix.row_start, matrix.columns, matrix.blocks, *whole.by_point]
-    own = model.array(np.arange(size, dtype=np.int32), wp.int32)
+    own, lanes = model.array(np.arange(size, dtype=np.int32), wp.int32), CORNERS if model.parallel.is_cuda else 1
     return in_sequence(
         model.parallel.clear(diagonal),
-        model.over_free(grid_matrix_kernels(model.scalar).grid_diagonal, given, [diagonal]),
+        model.parallel.record(
+            grid_matrix_kernels(model.scalar, lanes).grid_diagonal, lanes * model.free_nodes, given, [diagonal]
+        ),
         model.parallel.gather(diagonal, model.scalar),
         model.parallel.record(
             diagonal_inverter(model.scalar), size, [own, diagonal[0], model.scalar(weight)], [inverse]
@@ -337,7 +340,7 @@ def grid_matrix(matrix: BlockMatrix, whole: _Interpolation, size: int) -> np.nda
     ranges = min(model.parallel.ranges, MOST_DENSE)
     dense = model.zeros(wp.float64, ranges, 3 * size, 3 * size)
     model.parallel.record(
-        grid_matrix_kernels(model.scalar).grid_matrix,
+        grid_matrix_kernels(model.scalar, 1).grid_matrix,
         np.linspace(0, model.free_nodes, ranges + 1).astype(np.int64),
         [matrix.row_start, matrix.columns, matrix.blocks, *whole.by_point],
         [dense],
