@@ -444,12 +444,19 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         p_dot_q: wp.array(dtype=wp.float64, ndim=2),
         r: wp.array(dtype=vec3),
         q: wp.array(dtype=vec3),
+        first_of_group: wp.array(dtype=wp.int32),
+        start_of_group: wp.array(dtype=wp.int32),
+        node_of_member: wp.array(dtype=wp.int32),
+        group_of_member: wp.array(dtype=wp.int32),
+        inverse_of_group: wp.array(dtype=scalar),
+        group_correction: wp.array(dtype=vec3),
         coarsest_residual: wp.array(dtype=wp.vec3f),
         correction: wp.array(dtype=vec4),
     ):
         """P^T r, scaled for the `coarsest` first vertices, times D^-1 for the others; r after a step, if any.
 
-        The `far` first vertices have VERTEX_LANES threads each, the others FEW_LANES.
+        The `far` first vertices have VERTEX_LANES threads each, the others FEW_LANES, and so have the members of
+        `node_groups` after them, whose correction it finds: a launch for them alone took a sixth of an iteration.
         """
         item = first + wp.tid()
         lanes = wp.where(item < far * VERTEX_LANES, VERTEX_LANES, FEW_LANES)
@@ -458,16 +465,36 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         )
         begin = wp.int32(0)
         stop = wp.int32(0)
-        if item < end:
+        m = v - (row_start.shape[0] - 1)
+        if item < end and m < 0:
             begin = row_start[v] + item % lanes
             stop = row_start[v + 1]
         step = scalar(0.0)
         if steps == 1:
             step = scalar(find_alpha(r_dot_z, p_dot_q, iteration[0], 1))
         total = part_of_residual(point, weight, r, q, step, begin, stop, lanes)
+        if item < end and m >= 0:
+            group = group_of_member[m]
+            size = 3 * (first_of_group[group + 1] - first_of_group[group])
+            k = item % lanes
+            if 3 * k < size:
+                node = node_of_member[first_of_group[group] + k]
+                own = r[node]
+                if steps == 1:
+                    own -= step * q[node]
+                row = start_of_group[group] + 3 * size * (m - first_of_group[group]) + 3 * k
+                for c in range(3):
+                    at = row + size * c
+                    total[c] = (
+                        inverse_of_group[at] * own[0]
+                        + inverse_of_group[at + 1] * own[1]
+                        + inverse_of_group[at + 2] * own[2]
+                    )
         total = vec3(add_lanes(total[0], lanes), add_lanes(total[1], lanes), add_lanes(total[2], lanes))
         if item < end and item % lanes == 0:
-            if v < coarsest:
+            if m >= 0:
+                group_correction[m] = total
+            elif v < coarsest:
                 single = wp.vec3f(wp.float32(total[0]), wp.float32(total[1]), wp.float32(total[2]))
                 coarsest_residual[v] = wp.cw_mul(scale[v], single)
             else:
@@ -508,6 +535,8 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         vertex: wp.array(dtype=number),
         weight: wp.array(dtype=wp.float16),
         coarse: wp.array(dtype=vec4),
+        member_of: wp.array(dtype=wp.int32),
+        group_correction: wp.array(dtype=scalar),
         iteration: wp.array(dtype=wp.int32),
         p_dot_q: wp.array(dtype=wp.float64, ndim=2),
         p: wp.array(dtype=scalar),
@@ -517,7 +546,7 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         z: wp.array(dtype=scalar),
         r_dot_z: wp.array(dtype=wp.float64, ndim=2),
     ):
-        """z = D^-1 r + the sum of P z_coarse over all grids, and r . z, kept by iteration.
+        """z = D^-1 r + the groups' correction + the sum of P z_coarse over all grids, and r . z, by iteration.
 
         Where the iteration `steps`, x and r do so first.
         """
@@ -547,6 +576,9 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         value = wp.float64(0.0)
         if item < end and c < 3:
             corrected = wp.where(c == 0, total[0], wp.where(c == 1, total[1], total[2])) + wp.dot(row, residual)
+            m = member_of[i]
+            if m >= 0:
+                corrected += group_correction[3 * m + c]
             z[k] = corrected
             value = wp.float64(own) * wp.float64(corrected)
         add(r_dot_z, j, 0, value)

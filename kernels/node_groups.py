@@ -1,15 +1,15 @@
 """The inverses of the blocks of nodes that stiff links tie, and their part of the preconditioner.
 
 The nodes of group g are `nodes[first[g]]` to the next group's first; its block, row after row, starts at
-`start[g]`. On CUDA a warp inverts a block, each of its threads a column in registers; on the CPU a range of groups
-is a loop in C++."""
+`start[g]`. On CUDA a warp inverts a block, each of its threads a column in registers, and the launches of the grids
+apply the inverses; on the CPU a range of groups is a loop in C++."""
 
 from functools import cache
 from types import SimpleNamespace
 
 import warp as wp
 
-from .vectors import lane_reducer, sum_reducer
+from .vectors import sum_reducer
 
 MEMBERS = 8
 """Most nodes of a group."""
@@ -111,7 +111,7 @@ APPLY_ON_CPU = f"""
 @cache
 def node_group_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     """The kernels `invert` and `apply` in one precision; `invert` has WARP items a group on CUDA."""
-    add, add_lanes = sum_reducer(cuda), lane_reducer(scalar)
+    add = sum_reducer(False)
     vec3, mat33 = wp.types.vector(3, scalar), wp.types.matrix((3, 3), scalar)
     module = f"node_groups_{scalar.__name__}_{'cuda' if cuda else 'cpu'}"
     real = f"typedef {'float' if scalar is wp.float32 else 'double'} real;\n"
@@ -185,38 +185,14 @@ def node_group_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         first: wp.array(dtype=wp.int32),
         start: wp.array(dtype=wp.int32),
         nodes: wp.array(dtype=wp.int32),
-        group_of: wp.array(dtype=wp.int32),
         inverse: wp.array(dtype=scalar),
         residual: wp.array(dtype=vec3),
         correction: wp.array(dtype=vec3),
         iteration: wp.array(dtype=wp.int32),
         products: wp.array(dtype=wp.float64, ndim=2),
     ):
-        """Adds that matrix times the residual to the correction of the groups' nodes, and to r . z.
-
-        An item is a group on the CPU; on CUDA MEMBERS items share a node."""
-        value = wp.float64(0.0)
-        if wp.static(cuda):
-            item = begin + wp.tid()
-            m = item // MEMBERS
-            k = item % MEMBERS
-            total = vec3()
-            if item < end:
-                group = group_of[m]
-                size = 3 * (first[group + 1] - first[group])
-                if 3 * k < size:
-                    r = residual[nodes[first[group] + k]]
-                    row = start[group] + 3 * size * (m - first[group]) + 3 * k
-                    for c in range(3):
-                        total[c] = inverse[row] * r[0] + inverse[row + 1] * r[1] + inverse[row + 2] * r[2]
-                        row += size
-            total = vec3(add_lanes(total[0], MEMBERS), add_lanes(total[1], MEMBERS), add_lanes(total[2], MEMBERS))
-            if item < end and k == 0:
-                own = nodes[m]
-                correction[own] = correction[own] + total
-                value = wp.float64(wp.dot(residual[own], total))
-        else:
-            value = apply_range(begin, end, first, start, nodes, inverse, residual, correction)
+        """Adds that matrix times the residual to the correction of the groups' nodes, and to r . z, on the CPU."""
+        value = apply_range(begin, end, first, start, nodes, inverse, residual, correction)
         add(products, iteration[0], 8 * slab, value)
 
     return SimpleNamespace(invert=invert_kernel, apply=apply_kernel)

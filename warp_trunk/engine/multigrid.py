@@ -97,7 +97,7 @@ class Multigrid:
         """Sets these blocks to those of the trunk at rest."""
         inverse = invert(grid_matrix(matrix, onto_nodes[-1], sizes[-1]), model.precision)
         if model.parallel.is_cuda:
-            self._levels = CudaLevels(model, to_nodes, self._grids, inverse)
+            self._levels = CudaLevels(model, to_nodes, self._grids, inverse, self._groups)
         else:
             between = [_Interpolation(model, g.interpolate(finer.positions)) for finer, g in pairwise(grids)]
             levels = zip(
@@ -107,16 +107,15 @@ class Multigrid:
 
     def apply(self, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
         """Records z = M^-1 r with r . z, for vectors of the free nodes, shape (free nodes,), vec3."""
-        return in_sequence(
-            self._levels.apply(self._inverse_diagonal, r, z, r_dot_z), self._groups.apply(r, z, r_dot_z)
-        )
+        levels = self._levels.apply(self._inverse_diagonal, r, z, r_dot_z)
+        if self.model.parallel.is_cuda:
+            return levels
+        return in_sequence(levels, self._groups.apply(r, z, r_dot_z))
 
     def apply_with_steps(self, at: Iterates) -> tuple[Launch, Launch]:
         """Records z = M^-1 r, and the same after a step, on CUDA; see `Preconditioner`."""
         assert isinstance(self._levels, CudaLevels)
-        groups = self._groups.apply(at.residual, at.preconditioned, at.r_dot_z)
-        first, others = self._levels.apply_with_steps(self._inverse_diagonal, at)
-        return in_sequence(first, groups), in_sequence(others, groups)
+        return self._levels.apply_with_steps(self._inverse_diagonal, at)
 
 
 class _Interpolation:
@@ -222,7 +221,12 @@ class CudaLevels:
     """
 
     def __init__(
-        self, model: Model, grids: Sequence[Interpolation], inverse_diagonal: wp.array, inverse: np.ndarray
+        self,
+        model: Model,
+        grids: Sequence[Interpolation],
+        inverse_diagonal: wp.array,
+        inverse: np.ndarray,
+        groups: NodeGroups,
     ) -> None:
         """Uploads what the launches read.
 
@@ -231,7 +235,9 @@ class CudaLevels:
             grids: the interpolation of each to the free nodes, finest first.
             inverse_diagonal: of all but the last, which come last but one first, shape (vertices,), mat33.
             inverse: that of the last, symmetric, shape (3 vertices, 3 vertices).
+            groups: of tied nodes.
         """
+        self._members, self._of_groups, self._of_nodes = groups.for_cuda()
         self.model = model
         coarsest_first = grids[::-1]
         sizes = [grid.vertices for grid in coarsest_first]
@@ -260,7 +266,7 @@ class CudaLevels:
         self._scale, self._inverse = model.array(scale, wp.float32), model.array(numbers, wp.float16)
 
     def apply(self, inverse_diagonal: wp.array, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
-        """Records z = D^-1 r + the corrections of all grids, with r . z, for the inverse diagonal of the nodes."""
+        """Records z = D^-1 r + the corrections of groups and grids, with r . z, for the inverse diagonal."""
         return self._record(inverse_diagonal, Iterates(z, r, z, z, r, r_dot_z, r_dot_z), steps=0)
 
     def apply_with_steps(self, inverse_diagonal: wp.array, at: Iterates) -> tuple[Launch, Launch]:
@@ -285,8 +291,8 @@ class CudaLevels:
         return in_sequence(
             record(
                 kernels.restrict,
-                self._far * VERTEX_LANES + (self._vertices - self._far) * FEW_LANES,
-                [*grids, iteration, r_dot_z, p_dot_q, at.residual, at.product],
+                self._far * VERTEX_LANES + (self._vertices - self._far + self._members) * FEW_LANES,
+                [*grids, iteration, r_dot_z, p_dot_q, at.residual, at.product, *self._of_groups],
                 [view(residual, wp.vec3f, self._coarsest), correction],
             ),
             record(
@@ -298,7 +304,7 @@ class CudaLevels:
             record(
                 kernels.prolong,
                 model.free_nodes * NODE_LANES,
-                [steps, blocks, *self._by_node, correction, *moved],
+                [steps, blocks, *self._by_node, correction, *self._of_nodes, *moved],
                 [numbers(at.solution), numbers(at.residual), numbers(at.preconditioned), r_dot_z],
             ),
         )

@@ -6,15 +6,14 @@ serve every increment; their blocks are those of the matrix that holds."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
 
 from warp_trunk.kernels.node_groups import MEMBERS, WARP, node_group_kernels
 
-from .parallel import Launch, nothing
+from .parallel import Launch, view
 
 if TYPE_CHECKING:
     from .linear import BlockMatrix, Dots
@@ -39,42 +38,47 @@ class NodeGroups:
         upper = np.flatnonzero(columns >= rows)
         rows, columns = rows[upper], columns[upper]
         self.members = groups = tie(rows, columns, matrix.blocks.numpy()[upper], size)
-        self.update: Launch = nothing
-        """Sets the groups' blocks to those of the matrix as it is, projected, and inverts them."""
-        self._count = np.array([len(group) for group in groups], dtype=np.int64)
-        if not groups:
-            return
+        count = np.array([len(group) for group in groups], dtype=np.int64)
         keys, pairs = rows * size + columns, [(a, b) for group in groups for a in group for b in group]
-        one, other = np.array(pairs, dtype=np.int64).T
+        one, other = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
         wanted = np.minimum(one, other) * size + np.maximum(one, other)
         at = np.searchsorted(keys, wanted).clip(0, len(keys) - 1)
         block_of = np.where(keys[at] == wanted, np.where(one <= other, 1, -1) * (upper[at] + 1), 0)
-        start = 9 * np.cumsum([0, *self._count**2])
-        self._kernels = node_group_kernels(*model.variant)
-        self._where = [
-            model.array(each, wp.int32) for each in (np.cumsum([0, *self._count]), start, np.concatenate(groups))
-        ]
+        start = 9 * np.cumsum([0, *count**2])
+        self._nodes = np.array([node for group in groups for node in group], dtype=np.int64)
+        self._group_of = np.repeat(np.arange(len(groups)), count)
+        self._where = [model.array(each, wp.int32) for each in (np.cumsum([0, *count]), start, self._nodes)]
         self._inverse = model.zeros(model.scalar, int(start[-1]))
-        given = [*self._where, model.array(block_of, wp.int32), matrix.blocks, matrix.inverse_diagonal]
-        self.update = self._over_groups(self._kernels.invert, WARP * len(groups), given, [self._inverse])
+        self._kernels, cuda = node_group_kernels(*model.variant), model.parallel.is_cuda
+        self.update: Launch = model.parallel.record(
+            self._kernels.invert,
+            WARP * len(groups) if cuda else len(groups),
+            [*self._where, model.array(block_of, wp.int32), matrix.blocks, matrix.inverse_diagonal],
+            [self._inverse],
+            least=0,
+            loops=not cuda,
+        )
+        """Sets the groups' blocks to those of the matrix as it is, projected, and inverts them."""
 
     def apply(self, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
-        """Records the change of z and of r . z by the groups' blocks, after D^-1 of the nodes' own.
+        """Records, on the CPU, the change of z and of r . z by the groups' blocks, after D^-1 of the nodes' own.
 
         Both are vectors of the free nodes, shape (free nodes,), vec3.
         """
-        if not len(self._count):
-            return nothing
-        group_of = np.repeat(np.arange(len(self._count)), self._count)
-        given = [*self._where, self._model.array(group_of, wp.int32), self._inverse, r]
-        changed = [z, r_dot_z.iteration, r_dot_z.products]
-        return self._over_groups(self._kernels.apply, MEMBERS * len(group_of), given, changed)
+        given, changed = [*self._where, self._inverse, r], [z, r_dot_z.iteration, r_dot_z.products]
+        kernel, groups = self._kernels.apply, len(self.members)
+        return self._model.parallel.record(kernel, groups, given, changed, least=0, loops=True)
 
-    def _over_groups(self, kernel: Any, items: int, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
-        """Records a launch over so many items on CUDA, and a loop over the groups of each range on the CPU."""
-        parallel = self._model.parallel
-        size = items if parallel.is_cuda else len(self._count)
-        return parallel.record(kernel, size, inputs, outputs, least=0, loops=not parallel.is_cuda)
+    def for_cuda(self) -> tuple[int, list[wp.array], list[wp.array]]:
+        """How many nodes are members; what a launch reads to correct them, and writes by member; and what another
+        reads to find the correction of a node."""
+        model, count = self._model, len(self._nodes)
+        member_of = np.full(model.free_nodes, -1)
+        member_of[self._nodes] = np.arange(count)
+        correction = model.zeros(model.vec3, max(count, 1))
+        given = [*self._where, model.array(self._group_of, wp.int32), self._inverse, correction]
+        numbers = view(correction, model.scalar, 3 * len(correction))
+        return count, given, [model.array(member_of, wp.int32), numbers]
 
 
 def tie(rows: np.ndarray, columns: np.ndarray, blocks: np.ndarray, size: int) -> list[list[int]]:
