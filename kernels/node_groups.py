@@ -1,8 +1,8 @@
 """The inverses of the blocks of nodes that stiff links tie, and their part of the preconditioner.
 
 The nodes of group g are `nodes[first[g]]` to the next group's first; its block, row after row, starts at
-`start[g]`. On CUDA a warp inverts a block, each of its threads a column in registers, and the launches of the grids
-apply the inverses; on the CPU a range of groups is a loop in C++."""
+`start[g]`. On CUDA a warp inverts a block, each of its threads a column in registers, and the launches of the
+grids apply the inverses; on the CPU a range of groups is a loop in C++."""
 
 from functools import cache
 from types import SimpleNamespace
