@@ -52,7 +52,7 @@ def test_a_case_is_left_alone(
         ("report cases/a", "it is a case; simulate it first (warp-trunk simulate cases/a)"),
         ("view cases/a", "it is a case; simulate it first"),
         ("export cases/a --out a.vtu", "it is a case; simulate it first"),
-        ("measure cases/a", "give its skin, as warp-trunk measure cases/a/skin.ply --case cases/a"),
+        ("measure cases/a", "warp-trunk measure cases/a/skin.ply --case cases/a"),
         ("report cases/a/bones", "simulate it first (warp-trunk simulate cases/a)"),
         ("report cases", "it holds cases, such as cases/a"),
         ("report results", "give one of those in it, such as results/r"),

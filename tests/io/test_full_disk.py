@@ -41,10 +41,10 @@ def test_the_path_is_named(raised, tmp_path):
 
 
 def test_a_command_ends_in_one_line_with_the_path_and_the_cure(full, tmp_path, capsys, monkeypatch):
-    def run(self, arguments):
+    def run():
         write_whole(tmp_path / "out.csv", "1")
 
-    monkeypatch.setattr("warp_trunk.cli.commands._loaded", lambda _: SimpleNamespace(run=lambda a: run(None, a)))
+    monkeypatch.setattr("warp_trunk.cli.commands._loaded", lambda _: SimpleNamespace(run=run))
     assert main([next(iter(COMMANDS))]) == 1
     line = f"warp-trunk: {tmp_path / 'out.csv'}: No space left on device; free some space there, or name another"
     assert capsys.readouterr().err.startswith(line)
