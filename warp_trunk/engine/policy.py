@@ -196,7 +196,7 @@ def decide_end(run: Run, solution: LinearSolution, chance: float, policy: Policy
         case Outcome.SOLVED if math.isinf(chance):
             return Action.STALLED
         case Outcome.SOLVED:
-            run.length = solution.length + solution.error
+            run.length = max(run.length, solution.length + solution.error)  # noise may cancel a part of it
             run.distance = max(bound(run, policy), policy.accuracy * run.tolerance)
             if run.distance > run.tolerance:
                 return Action.SEARCH
