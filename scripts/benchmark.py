@@ -10,8 +10,6 @@
 run where only numpy, scipy and warp are installed. Times are wall clock after set-up; kernels compile apart.
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import sys

@@ -6,8 +6,6 @@ Code in pages (fenced, or between backticks) is left out. `STYLE` holds the proj
 explains the words that it asks for.
 """
 
-from __future__ import annotations
-
 import ast
 import io
 import re

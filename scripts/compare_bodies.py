@@ -10,8 +10,6 @@ body gets the mean thoracic, thoracolumbar and double major curve and plans of 6
 curves and plans are drawn. Every number is measured as `simulate` measures it.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import sys

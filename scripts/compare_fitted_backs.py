@@ -7,8 +7,6 @@ rotation of the back from the fitted case less that from the whole body, and the
     uv run python scripts/compare_fitted_backs.py shared/bodies girl13 girl15_slim woman --out results/fitted
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Mapping

@@ -10,8 +10,6 @@ a trunk that faces the scanner above a pelvis that does not is no part of a spin
 simulated: this compares the imposed back, not a prediction.
 """
 
-from __future__ import annotations
-
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path

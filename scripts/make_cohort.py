@@ -9,8 +9,6 @@ beside the cases; case.toml says `synthetic = true`. A patient who cannot be (he
 landmarks are refused, her truth does not converge) is drawn again, and counted.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

@@ -5,8 +5,6 @@ a public name (`warp_trunk.simulate`) or the fields of a record (`fields of warp
 `python scripts/reference_pages.py` writes every block again.
 """
 
-from __future__ import annotations
-
 import ast
 import contextlib
 import importlib

@@ -10,8 +10,6 @@ tests (tests/support): energies written apart, downhill by SciPy, then Newton on
 claim is judged, those of increments on the way too. Ends with status 1 if one was false.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from collections import Counter

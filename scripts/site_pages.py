@@ -3,8 +3,6 @@
 Browsers render MathML themselves, so that a reader of the site fetches nothing from elsewhere.
 """
 
-from __future__ import annotations
-
 import html
 import re
 

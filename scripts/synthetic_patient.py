@@ -1,7 +1,5 @@
 """A synthetic patient: how she is drawn, how she is shaped, how her spine bends, what is off in her landmarks."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping

@@ -7,8 +7,6 @@ The independent solver is tests/support/finite_elements.py. ANATOMY holds skin.p
 straight trunk, BODIES a folder of such folders.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import io
 import itertools

@@ -5,8 +5,6 @@ Usage: python scripts/voxelise_case.py CASE OUT [--spacing 1.5 1.5 1.5] [--turne
 Writes OUT/labels.nii.gz, OUT/masks/vertebrae_T8.nii.gz and so on (with a body.nii.gz), and OUT/body.nii.gz.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterable, Mapping
 from pathlib import Path

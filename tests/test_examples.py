@@ -1,7 +1,5 @@
 """The examples of the public names run, and so does the notebook of the documentation."""
 
-from __future__ import annotations
-
 import dataclasses
 import doctest
 import json

@@ -1,7 +1,5 @@
 """Curves of error against time, one for each setting."""
 
-from __future__ import annotations
-
 import math
 import sys
 import time

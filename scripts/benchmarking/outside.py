@@ -1,7 +1,5 @@
 """SciPy's L-BFGS-B on the same energy and gradient, as a yardstick from outside."""
 
-from __future__ import annotations
-
 import importlib.util
 import time
 from collections.abc import Iterator

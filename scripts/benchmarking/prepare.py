@@ -1,7 +1,5 @@
 """From a case to a problem file; the only part of the benchmark that needs the meshing libraries."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from warp_trunk import Case, RunOptions, phantom_case, read_case

@@ -3,8 +3,6 @@
 It is read with numpy and scipy alone, so that a machine without the meshing libraries can run the benchmark.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A fresh process for each curve, so that its memory is its own and nothing of another curve is warm."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import tempfile

@@ -1,7 +1,5 @@
 """One measured point: how long a setting takes and how far from the truth it ends."""
 
-from __future__ import annotations
-
 import json
 import os
 import platform

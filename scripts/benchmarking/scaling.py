@@ -1,7 +1,5 @@
 """How time, work and memory grow with the mesh, and how the answer depends on mesh and increments."""
 
-from __future__ import annotations
-
 import tempfile
 import time
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """Cost of each part of a scene: the model holds only what the scene needs."""
 
-from __future__ import annotations
-
 import gc
 import importlib.util
 import tempfile

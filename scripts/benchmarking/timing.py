@@ -1,7 +1,5 @@
 """A whole simulation with its times."""
 
-from __future__ import annotations
-
 import gc
 import time
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Scans of a back, spines and markers that are none: one line that names the file, before long work starts."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Broken case folders and surfaces, and crossing ones: each ends in one line, and leaves nothing behind."""
 
-from __future__ import annotations
-
 import os
 
 import numpy as np

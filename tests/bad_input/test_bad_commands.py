@@ -1,7 +1,5 @@
 """Arguments, results, films, scans and meshes that are not what a command needs: one line, nothing left behind."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

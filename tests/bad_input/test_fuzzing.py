@@ -3,8 +3,6 @@
 The same damage on every machine; `pytest -m search` tries new damage, see docs/testing.md.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import resource

@@ -1,7 +1,5 @@
 """Which part of a vertebra's turn goes with its curve, on spines whose curve and rotation are known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Bones by many sets of landmarks at once, and derivatives of where they go in all landmarks."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

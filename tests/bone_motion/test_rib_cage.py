@@ -1,7 +1,5 @@
 """How ribs and sternum follow the vertebrae of the phantom: pinned, rigid, by shares, within their cartilages."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Smoothing splines against SciPy's, and their smoothness against a likelihood written apart."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline, make_smoothing_spline

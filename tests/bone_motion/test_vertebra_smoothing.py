@@ -1,7 +1,5 @@
 """Vertebrae smoothed along the spine against motions that are known, with errors that are drawn."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

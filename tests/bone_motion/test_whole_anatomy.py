@@ -1,7 +1,5 @@
 """Shoulder blades, clavicles and cartilages of real anatomy, as the ribs of a corrected curve take them along."""
 
-from __future__ import annotations
-
 import os
 from functools import cache
 from pathlib import Path

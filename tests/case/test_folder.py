@@ -1,7 +1,5 @@
 """A case folder is written and read back; a case without a plan, and films of side bending."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Landmarks: their order, the shapes of vertebrae, the frame after surgery, and palpated iliac spines."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import combinations
 

@@ -1,7 +1,5 @@
 """The fusion that `fit-back` proposes."""
 
-from __future__ import annotations
-
 import pytest
 
 from warp_trunk.cli.back import fused

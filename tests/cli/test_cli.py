@@ -1,7 +1,5 @@
 """The command line: its flags, its exit statuses, and one line for an error."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import fields, replace

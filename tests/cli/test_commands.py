@@ -1,7 +1,5 @@
 """The commands by name, words that are typed wrongly, and command lines to paste."""
 
-from __future__ import annotations
-
 import shlex
 import subprocess
 import sys

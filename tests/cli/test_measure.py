@@ -1,7 +1,5 @@
 """warp-trunk measure: what it reads, refuses, prints and writes."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from dataclasses import replace
@@ -11,6 +9,7 @@ import pytest
 
 from support.report_results import write_small_result
 from support.small_case import small_case
+from support.there import there
 from warp_trunk.case import write_case
 from warp_trunk.cli import main
 from warp_trunk.cli.output import OK
@@ -55,8 +54,7 @@ def test_against_an_actual_skin(place, tmp_path, capsys):
     record = table_of(tmp_path / "measures")
     comparison = compare_skins(after, case.skin, case.landmarks_after)
     assert record.values("error", "bsr_deg") == comparison.bsr_difference
-    back = comparison.distance["back"]
-    assert back is not None
+    back = there(comparison.distance["back"])
     assert record.value("error", "distance_rms_mm", "back") == pytest.approx(back.rms)
     assert record.values("actual", "bsr_deg").keys() == record.values("after", "bsr_deg").keys()
     assert "Error of the back surface rotation" in capsys.readouterr().out

@@ -1,7 +1,5 @@
 """warp-trunk plan --live: refused in one line, or open until it is ended."""
 
-from __future__ import annotations
-
 import signal
 import threading
 from dataclasses import replace

@@ -1,12 +1,11 @@
 """A cohort by hand: the papers' numbers of two patients."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from support.there import there
 from warp_trunk.cohort.cohort_page import worse_parts, write_cohort
 from warp_trunk.cohort.one_case import CaseRow
 from warp_trunk.cohort.summary import case_errors, errors, summarize_cohort
@@ -85,8 +84,7 @@ def test_ranges():
         "in_band": (0.5 + 1.0) / 2.0,
     }
     assert {name: estimate and estimate.mean for name, estimate in found.items()} == pytest.approx(means)
-    error = found["error"]
-    assert error is not None
+    error = there(found["error"])
     assert error.sd == pytest.approx((1.0 / 3.0) / 2.0**0.5)
 
 

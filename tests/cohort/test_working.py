@@ -1,7 +1,5 @@
 """Cases over the processes of a cluster: no case is lost, nothing is done twice, and no bit differs."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import sys

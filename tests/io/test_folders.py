@@ -1,7 +1,5 @@
 """Folders to write to, and two processes with one result folder."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

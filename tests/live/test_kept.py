@@ -1,7 +1,5 @@
 """Plans that are kept are cases as `plan` writes them, whole or not there."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

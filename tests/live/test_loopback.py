@@ -1,7 +1,5 @@
 """The page answers this machine and itself, and rejects all others."""
 
-from __future__ import annotations
-
 import urllib.error
 import urllib.request
 from collections.abc import Iterator

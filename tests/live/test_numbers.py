@@ -1,7 +1,5 @@
 """The words and the table of the page: what they say, and that nothing from a file is markup."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from support.small_patient import APEX, curved_case

@@ -1,7 +1,5 @@
 """The planning page in a real browser: drag, look, keep, compare, undo; two browsers, one of them killed."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -15,6 +13,7 @@ from playwright.sync_api import Page as Tab
 from support.chromium import CHROMIUM, WEBGL, needs_chromium
 from support.part_phantom import part_case
 from support.small_patient import APEX, small_patient
+from support.there import there
 from warp_trunk.bone_motion.plan import PlannedSurgery, read_plan
 from warp_trunk.case import read_case
 from warp_trunk.case.landmarks import Landmarks
@@ -108,8 +107,7 @@ class Visit:
 
     def drag(self, pixels: int, number: int = 0) -> None:
         """Drags a slider by its handle, in steps as a hand does."""
-        box = self.slider(number).bounding_box()
-        assert box is not None
+        box = there(self.slider(number).bounding_box())
         x, y = box["x"] + box["width"] / 2.0, box["y"] + box["height"] / 2.0
         self.tab.mouse.move(x, y)
         self.tab.mouse.down()

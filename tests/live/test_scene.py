@@ -1,7 +1,5 @@
 """Lines of depth on the skin, and the field between plans that are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import trimesh
 

@@ -1,7 +1,5 @@
 """From wishes to views: the latest wins, an impossible one is reported, and the end is that of a simulation."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable

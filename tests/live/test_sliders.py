@@ -1,7 +1,5 @@
 """From sliders to a plan or motions, and back."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
@@ -71,22 +69,6 @@ def test_undo_returns_to_before_a_drag_however_it_pauses(monkeypatch: pytest.Mon
     assert asked[-1] == first_state(REST)
 
 
-class Gui:
-    """The part of a page that controls are added to."""
-
-    def add_folder(self, _: str) -> AbstractContextManager[None]:
-        return nullcontext()
-
-    def add_dropdown(self, _: str, __: object, initial_value: object) -> Handle:
-        return Handle(initial_value)
-
-    def add_slider(self, _: str, *span: Any, hint: object) -> Handle:
-        return Handle(span[-1])
-
-    def add_button(self, _: str, disabled: bool) -> Handle:
-        return Handle(None)
-
-
 class Handle:
     """A control of that page."""
 
@@ -102,6 +84,22 @@ class Handle:
         self.value = value
         for heard in self._heard:
             heard(None)
+
+
+class Gui:
+    """The part of a page that controls are added to."""
+
+    def add_folder(self, _: str) -> AbstractContextManager[None]:
+        return nullcontext()
+
+    def add_dropdown(self, _: str, __: object, initial_value: object) -> Handle:
+        return Handle(initial_value)
+
+    def add_slider(self, _: str, *span: Any, hint: object) -> Handle:
+        return Handle(span[-1])
+
+    def add_button(self, _: str, disabled: bool) -> Handle:
+        return Handle(None)
 
 
 def test_a_curve_outside_the_fusion_is_not_planned_and_has_no_effect() -> None:

@@ -47,7 +47,6 @@ def test_twisted_anatomy_has_the_angles_of_its_twist(anatomy):
             before, after = (there(getattr(found, name)[level]) for found in (straight, measures))
             assert after - before == pytest.approx(angle, abs=0.5)
     assert there(measures.hump_height["T8"]) > 15.0
-    error = compare_skins(twisted, skin, turned).bsr_error["T4-T12"]
-    assert error is not None
+    error = there(compare_skins(twisted, skin, turned).bsr_error["T4-T12"])
     assert error.mean > 5.0
     assert not error.undetectable

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from support.there import there
 from support.trunk_shapes import LEVELS, ellipse, flat_back, rotation, spine, tube, twisted
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
 from warp_trunk.cli import main
@@ -56,8 +57,7 @@ def test_slope_of_a_flat_back_is_its_rotation(degrees):
     for given, pelvis in ((markers(), "PSIS"), (markers(**asis), "ASIS")):
         found = measure_back(back, line(), given)
         assert (found.pelvis, found.spine) == (pelvis, "spinous line")
-        one = found.levels["T8"]
-        assert one is not None
+        one = there(found.levels["T8"])
         assert (one.rotation, one.slope) == (pytest.approx(degrees, abs=1e-6), pytest.approx(degrees, abs=1e-6))
 
 

@@ -104,8 +104,7 @@ def test_arms_beside_the_trunk_do_not_count_however_large(half_width):
     turn = rotation(8.0)
     arm = tube(ellipse(60, half_width, 45.0) + np.array([200.0 + half_width, 70.0]))
     both = joined(tube(ellipse() @ turn.T), arm)
-    found = back_surface_rotation(both, spine({"T8": 200.0}, turn @ SPINE))["T8"]
-    assert found is not None
+    found = there(back_surface_rotation(both, spine({"T8": 200.0}, turn @ SPINE))["T8"])
     assert found.angle == pytest.approx(-8.0, abs=1e-6)
 
 
@@ -116,8 +115,7 @@ def test_no_point_of_a_rough_back_lies_behind_its_tangent(seed):
     outline = grooved(300, width=35.0) * random.uniform(0.98, 1.02, (300, 1))
     turn = rotation(random.uniform(-20.0, 20.0))
     outline = outline @ turn.T
-    tangent = dual_tangent(outline, turn @ SPINE, LEFT)
-    assert tangent is not None
+    tangent = there(dual_tangent(outline, turn @ SPINE, LEFT))
     left, right = tangent
     assert max(np.linalg.norm(outline - point, axis=1).min() for point in (left, right)) < 1e-9
     along = left - right

@@ -33,8 +33,7 @@ def test_height_is_that_of_the_stack_and_shrinks_with_the_cosine_of_a_tilt():
     upright = there(spine_height(spine_of(known_spine())))
     assert (upright.upper, upright.lower) == ("T1", "L5")
     assert upright.height == pytest.approx(length)
-    tilted = spine_height(spine_of(known_spine(to_left={"T1": 20.0, "L5": 20.0})))
-    assert tilted is not None
+    tilted = there(spine_height(spine_of(known_spine(to_left={"T1": 20.0, "L5": 20.0}))))
     assert tilted.height == pytest.approx(length * np.cos(np.radians(20.0)), abs=1e-9)
 
 
@@ -65,8 +64,7 @@ def roof(slope, higher=0.0, aside=0.0, neck=55.0):
 
 @pytest.mark.parametrize("higher", [18.0, -7.0, 0.0])
 def test_shoulder_that_is_raised_by_a_length_stands_higher_by_it(higher):
-    found = shoulder_heights(roof(0.4, higher), spine_of(known_spine()), LEFT)
-    assert found is not None
+    found = there(shoulder_heights(roof(0.4, higher), spine_of(known_spine()), LEFT))
     assert found.difference == pytest.approx(higher, abs=1e-9)
     middle = 420.0 - 0.4 * (0.5 * (INNER + OUTER) * 150.0 - 55.0) - 390.0  # T1's centroid is at 390
     assert found.left == pytest.approx(middle, abs=1e-9)

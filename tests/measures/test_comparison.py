@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from support.there import there
 from support.trunk_shapes import LEVELS, spine, twisted
 from warp_trunk.measures import compare_skins
 from warp_trunk.measures.comparison import DETECTABLE, RANGES, bsr_error
@@ -14,8 +15,7 @@ def test_error_of_a_twist_is_that_of_its_angles():
     size = {level: 8.0 * z / 400.0 for level, z in LEVELS.items()}
     for name, levels in RANGES.items():
         sizes = np.array([size[level] for level in levels])
-        error = comparison.bsr_error[name]
-        assert error is not None
+        error = there(comparison.bsr_error[name])
         assert error.levels == levels
         assert error.mean == pytest.approx(sizes.mean(), abs=0.01)
         assert error.sd == pytest.approx(np.sqrt(((sizes - sizes.mean()) ** 2).sum() / (len(sizes) - 1)), abs=0.01)
@@ -29,11 +29,9 @@ def test_error_of_a_twist_is_that_of_its_angles():
 def test_largest_rotations_are_compared_by_their_size():
     """Humps on opposite sides: each level is wrong by 7, the size of the hump only by 1."""
     angles = {"T8": (3.0, -4.0), "T9": (2.0, 1.0), "T10": None}
-    error = bsr_error(angles, ("T7", "T8", "T9", "T10"))
-    assert error is not None
+    error = there(bsr_error(angles, ("T7", "T8", "T9", "T10")))
     assert (error.levels, error.mean, error.of_maximum) == (("T8", "T9"), 4.0, -1.0)
     assert error.sd == pytest.approx(np.sqrt(18.0))
-    alone = bsr_error(angles, ("T9",))
-    assert alone is not None
+    alone = there(bsr_error(angles, ("T9",)))
     assert (alone.mean, alone.sd) == (1.0, None)
     assert bsr_error(angles, ("L1",)) is None

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from support.synthetic import sphere
+from support.there import there
 from support.trunk_shapes import ellipse, joined, spine, tube
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures.skin_distance import Regions, SkinDistance, distance_statistics, skin_distance
@@ -25,8 +26,7 @@ def test_concentric_spheres_are_their_radii_apart(radius, expected):
     distance, statistics = compared(sphere(100.0, subdivisions=4), sphere(radius, subdivisions=4), BALL_LEVELS)
     np.testing.assert_allclose(distance.signed, expected, atol=0.12)  # flat triangles of a round surface
     for region in ("back", "front", "flanks", "main thoracic, back left"):
-        found = statistics[region]
-        assert found is not None
+        found = there(statistics[region])
         assert found.signed_mean == pytest.approx(expected, abs=0.12)
         sizes = (found.mean, found.rms, found.p95, found.maximum, found.symmetric_mean, found.symmetric_maximum)
         assert sizes == pytest.approx([abs(expected)] * 6, abs=0.12)
@@ -37,8 +37,7 @@ def test_necks_and_thighs_cut_elsewhere_do_not_count():
     """The actual skin ends 20 mm below the top level and 15 mm above the lowest."""
     _, statistics = compared(tube(ellipse(), rows=80), tube(ellipse(), 65.0, 330.0, rows=53))
     for region in ("back", "front", "lumbar, back left", "upper thoracic, flank right"):
-        found = statistics[region]
-        assert found is not None
+        found = there(statistics[region])
         assert found.symmetric_maximum < 1.0
         assert found.p95 < 0.01
 
@@ -92,6 +91,5 @@ def test_statistics_weigh_vertices_by_their_area():
     assert (found.p95, found.maximum) == (5.0, 5.0)
     assert found.symmetric_mean == pytest.approx(2.6)
     assert found.symmetric_maximum == 5.0
-    rarer = distance_statistics(on_the_back([-5.0, 3.0], [40.0, 960.0]), on_the_back([-7.0], [1.0]))["back"]
-    assert rarer is not None
+    rarer = there(distance_statistics(on_the_back([-5.0, 3.0], [40.0, 960.0]), on_the_back([-7.0], [1.0]))["back"])
     assert (rarer.p95, rarer.maximum, rarer.symmetric_maximum) == (3.0, 5.0, 7.0)

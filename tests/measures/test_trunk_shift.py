@@ -60,7 +60,6 @@ def test_flanks_of_a_sheared_cylinder():
     measures = measure(Surface(vertices, straight.faces), spine(LEVELS, (0.0, 0.0)))
     expected = {"T1": 30.0, "T8": 16.0, "L5": 0.0}
     for level, offset in expected.items():
-        flanks = measures.flanks[level]
-        assert flanks is not None
+        flanks = there(measures.flanks[level])
         assert (flanks.left, flanks.right) == pytest.approx((100.0 - offset, 100.0 + offset), abs=0.01)
         assert flanks.index == pytest.approx(offset, abs=0.01)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from support.known_spine import known_spine
+from support.there import there
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
 
@@ -32,19 +33,16 @@ def trunk(depths, places):
 def test_depth_and_height_of_each_side_are_those_of_its_notch():
     spine = known_spine()
     pelvis = 0.5 * (spine.point("asis_left") + spine.point("asis_right"))[2]
-    found = measure(trunk((30.0, 12.0), (pelvis + 60.0, pelvis + 84.0)), spine).waist
-    assert found is not None
+    found = there(measure(trunk((30.0, 12.0), (pelvis + 60.0, pelvis + 84.0)), spine).waist)
     assert (found.left_depth, found.right_depth) == pytest.approx((30.0, 12.0), abs=2.1)  # heights are 8 mm apart
     assert found.left_height == pytest.approx(60.0, abs=4.0)
     assert found.right_height == pytest.approx(84.0, abs=4.0)
     assert found.height_difference == pytest.approx(24.0, abs=8.0)
-    mirrored = measure(trunk((12.0, 30.0), (pelvis + 84.0, pelvis + 60.0)), spine).waist
-    assert mirrored is not None
+    mirrored = there(measure(trunk((12.0, 30.0), (pelvis + 84.0, pelvis + 60.0)), spine).waist)
     assert mirrored.depth_difference == pytest.approx(-found.depth_difference, abs=1e-6)
 
 
 def test_straight_flanks_have_no_waist_and_a_spine_without_t8_no_measure():
     spine = known_spine()
-    found = measure(trunk((0.0, 0.0), (100.0, 100.0)), spine).waist
-    assert found is not None
+    found = there(measure(trunk((0.0, 0.0), (100.0, 100.0)), spine).waist)
     assert (found.left_depth, found.right_depth) == pytest.approx((0.0, 0.0), abs=1e-6)

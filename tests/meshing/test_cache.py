@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from support.synthetic import shell_trunk, sphere
+from support.there import there
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.meshing.cache import cache_key, load_cached, store_cached
 
@@ -24,8 +25,7 @@ def folder(tmp_path, monkeypatch):
 def test_a_mesh_comes_back(trunk, folder):
     assert load_cached(KEY) is None
     store_cached(KEY, trunk)
-    back = load_cached(KEY)
-    assert back is not None
+    back = there(load_cached(KEY))
     for field in fields(trunk):
         np.testing.assert_array_equal(getattr(back, field.name), getattr(trunk, field.name))
     assert [path.name for path in folder.iterdir()] == [f"mesh-{KEY}.npz"]

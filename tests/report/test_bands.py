@@ -1,7 +1,5 @@
 """Intervals in report, viewer and measures."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path
@@ -10,6 +8,7 @@ import pytest
 
 from support.report_results import small_bands, write_small_result
 from support.small_trunk import small_case
+from support.there import there
 from warp_trunk.cli.measure import Measure
 from warp_trunk.measures.quantities import Measured, MeasureTable
 from warp_trunk.report.page import BAND_HEAD, band_table, source_table
@@ -45,6 +44,5 @@ def test_measures_say_which_levels_lie_in_their_band(tmp_path: Path, capsys: pyt
     for level, band in read_result(result).table.column("predicted", "bsr_deg").items():
         actual = table.value("actual", "bsr_deg", level)
         assert inside[level] == (abs((actual or 0.0) - (band.value or 0.0)) <= 1.96 * 1.5)
-    found = re.search(r"in its 95 % band at (\d) of 4 levels", said)
-    assert found is not None
+    found = there(re.search(r"in its 95 % band at (\d) of 4 levels", said))
     assert int(found[1]) == sum(inside.values())

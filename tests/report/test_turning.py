@@ -14,6 +14,7 @@ from playwright.sync_api import Page, sync_playwright
 
 from support.chromium import CHROMIUM, WEBGL, needs_chromium
 from support.report_results import write_small_result
+from support.there import there
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.report.clothing import COLUMNS, SHIRT, SHORTS, cloth_faces, dressed
@@ -131,8 +132,7 @@ def test_outline_is_that_of_rays(page: Page, result: Path, button: str, view: Vi
     _, reliefs = looks(poses, view, wear="shirt", lowest=-np.inf)
     expected = np.isfinite(reliefs[predicted].depth)
     rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
-    bar = page.locator("#turning [data-part=bar]").bounding_box()
-    assert bar is not None
+    bar = there(page.locator("#turning [data-part=bar]").bounding_box())
     pixels = bar["width"] / 100.0  # for each mm
     wide = [expected.any(axis=0).sum(), expected.any(axis=1).sum()]
     assert len(columns) / pixels == pytest.approx(wide[0], abs=4.0)
@@ -168,8 +168,7 @@ def test_mouse_finger_and_keys_turn_it(page: Page) -> None:
         return float(page.locator("#turning").get_attribute("data-yaw") or "nan")
 
     set_to(page)
-    box = page.locator("#turning canvas").bounding_box()
-    assert box is not None
+    box = there(page.locator("#turning canvas").bounding_box())
     x, y = box["x"] + box["width"] / 2.0, box["y"] + box["height"] / 2.0
     page.mouse.move(x, y)
     page.mouse.down()

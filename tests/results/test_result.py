@@ -1,7 +1,5 @@
 """Content of a result folder, and reading it back."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

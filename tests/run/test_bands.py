@@ -1,7 +1,5 @@
 """How sure a prediction says it is, against whole simulations with drawn errors."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """The plan that flattens the back most, on a phantom, against other plans that are simulated one by one."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,5 @@
 """Every kernel of a simulation runs on the device that was asked for, and on no other."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any, Literal
 

@@ -1,7 +1,5 @@
 """Measures of drawn skins."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

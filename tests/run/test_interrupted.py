@@ -1,7 +1,5 @@
 """Runs that are killed: they leave nothing half-written, and the next run is not disturbed."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

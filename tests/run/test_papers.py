@@ -1,7 +1,5 @@
 """The papers' model by its symbols: constants and energies of a run against an independent evaluation."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """A patient made ready once: plans share her mesh and model, and nothing of one is left in the next."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

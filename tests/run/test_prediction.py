@@ -1,7 +1,5 @@
 """A prediction and its observers."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from support.meshes import block_with_bone, with_skin

@@ -1,7 +1,5 @@
 """The effect of the shares of the ribs, against bones moved again by those shares."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
@@ -9,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from support.there import there
 from warp_trunk.case import Case
 from warp_trunk.case.rib_coupling import RANGES, RibCoupling
 from warp_trunk.engine.trunk_mesh import TrunkMesh
@@ -54,8 +53,7 @@ def test_a_source_is_half_of_what_its_share_does_over_its_range(share: str) -> N
         )
         for end in RANGES[share]
     )
-    moved = sources()[f"ribs: {share.replace('_', ' ')}"].bones
-    assert moved is not None
+    moved = there(sources()[f"ribs: {share.replace('_', ' ')}"].bones)
     np.testing.assert_allclose(moved[mine], (high - low) / 2.0, atol=1e-9)
     assert np.abs(moved[mine]).max() > 0.05
 

@@ -1,7 +1,5 @@
 """One whole run: a mesh made elsewhere, what lies in the result folder, and runs that are interrupted."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """simulate CASE --plan A --plan B: each as if it was planned and simulated on its own."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

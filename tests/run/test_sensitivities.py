@@ -1,7 +1,5 @@
 """Sensitivities of a prediction, against central differences of whole simulations."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """No option without effect: the table of readers against the forces of the tissue in every scene."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 from itertools import product
 from pathlib import Path
@@ -10,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from support.refusals import refuses
 from support.small_trunk import small_case
 from warp_trunk.case.rib_coupling import RibCoupling
 from warp_trunk.engine.state import State
 from warp_trunk.engine.tissue import Tissue
-from warp_trunk.errors import InputError
 from warp_trunk.run.options import RunOptions, with_changes
 from warp_trunk.run.patient import patient_of
 from warp_trunk.run.simulate import simulate
@@ -78,9 +76,8 @@ REFUSED = [
 @pytest.mark.parametrize(("options", "called", "said"), REFUSED)
 def test_the_refusal_names_what_makes_an_option_count(options: dict[str, Any], called: str, said: str) -> None:
     name = "ribs" if "ribs" in called else called.removeprefix("--").replace("-", "_")
-    with pytest.raises(InputError) as error:
+    with refuses(begins=said):
         refuse_unread({name: called}, with_changes(RunOptions(), options), layered=False)
-    assert str(error.value).startswith(said)
 
 
 @pytest.mark.parametrize(
@@ -94,9 +91,8 @@ def test_the_refusal_names_what_makes_an_option_count(options: dict[str, Any], c
 def test_python_and_case_files_are_judged_by_the_same_table(
     change: dict[str, Any], options: dict[str, Any], said: str
 ) -> None:
-    with pytest.raises(InputError) as error:
+    with refuses(begins=said):
         simulate(replace(CASE, **change), **options)
-    assert str(error.value).startswith(said)
 
 
 def test_the_papers_are_five_options_that_each_can_be_changed() -> None:

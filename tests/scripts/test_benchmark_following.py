@@ -1,7 +1,5 @@
 """The benchmark of bones that follow is of what `simulate` does with them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Reference pages made from the program."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Observed actions of the interpreter: files it opens, programs it starts, connections, pickles."""
 
-from __future__ import annotations
-
 import os
 import re
 import sys

@@ -1,7 +1,5 @@
 """Ways to break a file of a good case."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

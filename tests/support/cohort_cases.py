@@ -1,7 +1,5 @@
 """Small cases for a cohort: a coarse trunk with a few bones, whose actual skin is known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The stable neo-Hookean energy in plain NumPy, written apart from the kernels: F by explicit matrices."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from warp_trunk.engine.tissue import Tissue

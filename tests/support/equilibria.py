@@ -1,7 +1,5 @@
 """One problem, two solvers: scikit-fem with a direct solver, and warp_trunk."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,8 +3,6 @@
 Lengths in mm, the modulus is 1 kPa: without gravity no displacement depends on it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

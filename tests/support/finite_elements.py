@@ -2,8 +2,6 @@
 Newton's method with SuperLU. Its energy is that of continuum.py, from the paper alone.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

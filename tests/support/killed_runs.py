@@ -6,8 +6,6 @@ kills one run before each of its moves of a file to its final name, and MOMENTS 
 object for each with what was found.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import multiprocessing

@@ -1,7 +1,5 @@
 """A process that is lost while it simulates."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

@@ -1,7 +1,5 @@
 """Bones of a curved spine whose landmarks are known, and how far landmarks found on them are off."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Label maps of a spine of blocks, as segmentation programs write them."""
 
-from __future__ import annotations
-
 import gzip
 from collections.abc import Mapping
 from functools import cache

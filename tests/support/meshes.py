@@ -1,7 +1,5 @@
 """Small trunks for tests: blocks of tetrahedra with some nodes on bone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import permutations
 

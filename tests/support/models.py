@@ -1,7 +1,5 @@
 """Models of small trunks, and their states and equilibria, as most tests of the engine need them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

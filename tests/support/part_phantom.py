@@ -1,7 +1,5 @@
 """A part of the body without a spine: a ball of tissue with a fixed bone, and one in front that moves."""
 
-from __future__ import annotations
-
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import NO_LANDMARKS
 from warp_trunk.case.motions import Motion

@@ -1,7 +1,5 @@
 """Scans as digitizers around a trunk would make them, of a known surface: open, partial, noisy, shifted."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The synthetic patient, made once in a process: whole, and with a coarser skin where a smaller mesh serves."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from typing import Any

@@ -4,8 +4,6 @@ Everything stands on the lists of *unique* edges and faces of the mesh and on ab
 works per tetrahedron with weights 1/|K| and on displacements. Dense and slow: for meshes of some hundred nodes.
 """
 
-from __future__ import annotations
-
 from itertools import combinations
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A case of a few bones in a whole skin, which passes every check, for tests to spoil."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

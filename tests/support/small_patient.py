@@ -1,7 +1,5 @@
 """A patient of a few hundred tetrahedra with a whole, curved spine, ready for any plan at once."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Small closed surfaces and meshes for tests."""
 
-from __future__ import annotations
-
 import numpy as np
 import trimesh
 

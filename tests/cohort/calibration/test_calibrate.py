@@ -1,7 +1,5 @@
 """A calibration over patients, its file and its page; what the command refuses."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

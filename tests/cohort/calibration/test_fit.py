@@ -1,7 +1,5 @@
 """Least squares with priors against closed forms and against constants that are known."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

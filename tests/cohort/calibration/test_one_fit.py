@@ -1,7 +1,5 @@
 """One case of a calibration: its derivatives are differences of whole simulations."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

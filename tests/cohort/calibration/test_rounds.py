@@ -1,8 +1,6 @@
 """Which cases a search goes on with, on cases whose residuals are known: the constant less 3, each with a limit
 beyond which it finds no equilibrium."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Derivatives of measures against central differences of the measures themselves."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -9,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from support.phantoms import whole_phantom
+from support.there import there
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures, back_surface_rotation, measure
@@ -70,8 +69,7 @@ def turned_pelvis(degrees: float) -> Landmarks:
 @pytest.mark.parametrize(("level", "pelvis"), [*((level, 0) for level in LEVELS), ("T8", 20), ("T10", 20)])
 def test_rotation(level: str, pelvis: float) -> None:
     skin, landmarks = rough(), turned_pelvis(pelvis)
-    tangent = back_surface_rotation(skin, landmarks)[level]
-    assert tangent is not None
+    tangent = there(back_surface_rotation(skin, landmarks)[level])
     found = rotation_derivative(skin, landmarks, level, tangent)
     assert found.value == pytest.approx(tangent.angle, abs=1e-9)
     agree(differs(lambda m: m.bsr[level], found, skin, landmarks))
@@ -80,10 +78,8 @@ def test_rotation(level: str, pelvis: float) -> None:
 @pytest.mark.parametrize("level", ["T5", "T8", "T12", "L2"])
 def test_hump(level: str) -> None:
     skin, landmarks = rough(), CASE.landmarks_before
-    tangent = back_surface_rotation(skin, landmarks)[level]
-    assert tangent is not None
-    found = hump_derivative(skin, landmarks, level, tangent)
-    assert found is not None
+    tangent = there(back_surface_rotation(skin, landmarks)[level])
+    found = there(hump_derivative(skin, landmarks, level, tangent))
     agree(differs(lambda m: m.hump_height[level], found, skin, landmarks))
 
 

@@ -1,7 +1,5 @@
 """One label of all costal cartilages, separated: on tubes whose owners are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The body in a CT by its density: without the table, with lungs, on blocks of voxels."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import nibabel

@@ -1,7 +1,5 @@
 """The skin of a body with arms: closed, flat at neck and thighs, and without the arms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from support.partial_scans import scan
+from support.refusals import refuses
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import nearest
 from warp_trunk.geometry.normals import vertex_areas
@@ -135,10 +136,8 @@ def test_bad_parts_are_refused_in_one_line(phantom):
         (changed(parts, "view_2.ply", vertices=part.vertices - [500.0, 0.0, 0.0]), "view_2.ply: is "),
     ]
     for given, says in cases:
-        with pytest.raises(InputError) as error:
+        with refuses(says):
             check_parts(given)
-        assert says in str(error.value)
-        assert "\n" not in str(error.value)
 
 
 def test_parts_without_overlap_cannot_be_refined(phantom):
