@@ -30,6 +30,8 @@ from .state import State
 
 WINDOW = 4
 """Iterations between two tests of convergence. With 8, the papers' way took 448 iterations instead of 288."""
+SHORT_WINDOW = 2
+"""The same of a solve from near its end, which needs few iterations."""
 PADDING = 8
 """Doubles between two ranges' parts of a scalar product: a cache line."""
 
@@ -181,7 +183,7 @@ class LinearSolution:
     length: float
     """Length of the solution's longest vector [mm]; not finite where a vector is not."""
     error: float
-    """Estimated error of a vector [mm], from how the changes over WINDOW iterations shrank."""
+    """Estimated error of a vector [mm], from how the changes from one test to the next shrank."""
     norm: float
     """The square root of g . M^-1 g."""
     left: float
@@ -226,7 +228,7 @@ class ConjugateGradient:
         self.solution, self.residual, self.search = x, r, p
         iterates = Iterates(x, r, z, p, q, r_dot_z, p_dot_q)
         record_iterations = _iterations_on_cuda if parallel.is_cuda else _iterations_on_cpu
-        self._precondition, self._iterate_window = record_iterations(matrix, preconditioner, iterates)
+        precondition, iterate = record_iterations(matrix, preconditioner, iterates)
         kernels = conjugate_gradient_kernels(*model.variant)
         earlier, measures = model.free_vectors(), model.zeros(wp.float64, ranges, PADDING)
         self._start = model.over_free(kernels.start, [gradient], [x, r, p, earlier])
@@ -242,14 +244,17 @@ class ConjugateGradient:
         self._reset = parallel.record(kernels.reset, size, [], [*flat, iteration, outcome, running])
         self._amount, self.noise = model.zeros(wp.float64, 1), model.free_vectors()
         add_noise = model.over_free(vector_kernels(*model.variant).step, [self._amount, r, self.noise], [r])
-        # WINDOW iterations and a test of how far they moved the solution; the device decides when the loop ends
-        windows = parallel.repeat(
-            running, in_sequence(self._iterate_window, self._measure, self._test_convergence)
-        )
-        started = (self._precondition, windows, self._outcome.send)  # z = M^-1 r
-        self._run = parallel.graph(self._reset, self._start, *started)  # d = 0, r = -g
-        self._run_with_noise = parallel.graph(self._reset, add_noise, *started)
-        self._go_on, self._running = parallel.graph(windows, self._outcome.send), running
+
+        def windows(size: int) -> Launch:
+            """Iterations and a test of how far they moved the solution; the device decides when the loop ends."""
+            return parallel.repeat(running, in_sequence(*[iterate] * size, self._measure, self._test_convergence))
+
+        def run(first: Launch, size: int = WINDOW) -> Launch:
+            return parallel.graph(self._reset, first, precondition, windows(size), self._outcome.send)
+
+        self._run, self._run_short = run(self._start), run(self._start, SHORT_WINDOW)  # d = 0, r = -g
+        self._run_with_noise = run(add_noise)
+        self._go_on, self._running = parallel.graph(windows(WINDOW), self._outcome.send), running
 
     def solve(self, absolute: float, relative: float, least_iterations: float = 0.0) -> LinearSolution:
         """Solves H d = -g for the gradient as it is now.
@@ -261,10 +266,13 @@ class ConjugateGradient:
         self.launch(absolute, relative, least_iterations)
         return self.read()
 
-    def launch(self, absolute: float, relative: float, least_iterations: float = 0.0) -> None:
-        """Begins what `solve` does; `read` waits for its end."""
+    def launch(
+        self, absolute: float, relative: float, least_iterations: float = 0.0, *, short: bool = False
+    ) -> None:
+        """Begins what `solve` does, with `short` windows where few iterations are expected; `read` waits for its
+        end."""
         self._limit(absolute, relative, least_iterations)
-        self._run()
+        (self._run_short if short else self._run)()
 
     def add_noise(self, amount: float, least_iterations: float) -> LinearSolution:
         """Continues a solve that was SOLVED with an amount of `noise` added to its residual, by new iterations.
@@ -320,15 +328,14 @@ class ConjugateGradient:
 def _iterations_on_cuda(
     matrix: BlockMatrix, preconditioner: Preconditioner, at: Iterates
 ) -> tuple[Launch, Launch]:
-    """Records z = M^-1 r, and WINDOW iterations, in the fewest launches."""
+    """Records z = M^-1 r, and an iteration, in the fewest launches."""
     update_search_and_multiply = matrix.update_search_and_multiply(at)
     precondition, update_solution_and_precondition = preconditioner.apply_with_steps(at)
-    return precondition, in_sequence(*[update_search_and_multiply, update_solution_and_precondition] * WINDOW)
+    return precondition, in_sequence(update_search_and_multiply, update_solution_and_precondition)
 
 
 def _iterations_on_cpu(matrix: BlockMatrix, preconditioner: Preconditioner, at: Iterates) -> tuple[Launch, Launch]:
-    """Records z = M^-1 r, and WINDOW iterations: p = z + beta p, q = H p, d += alpha p, r -= alpha q, z = M^-1
-    r."""
+    """Records z = M^-1 r, and an iteration: p = z + beta p, q = H p, d += alpha p, r -= alpha q, z = M^-1 r."""
     model = matrix.model
     kernels, ranges = conjugate_gradient_kernels(*model.variant), model.parallel.ranges
     iteration = at.r_dot_z.iteration
@@ -345,4 +352,4 @@ def _iterations_on_cpu(matrix: BlockMatrix, preconditioner: Preconditioner, at: 
         model.parallel.record_undivided(kernels.count, 1, [], [iteration]),
         precondition,
     ]
-    return precondition, in_sequence(*iterate * WINDOW)
+    return precondition, in_sequence(*iterate)

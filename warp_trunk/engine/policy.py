@@ -101,6 +101,8 @@ class Plan:
     """The same as a part of the longest."""
     least_iterations: int
     """Iterations before it may end."""
+    short: bool
+    """Whether few are expected, so that convergence is tested sooner."""
 
 
 @dataclass
@@ -164,6 +166,7 @@ def plan(run: Run, policy: Policy = POLICY) -> Plan:
         absolute=(policy.accuracy if run.confirm else policy.accuracy_on_the_way) * run.tolerance,
         relative=min(most, max(least, run.contraction**2)) if true else policy.projected_accuracy,
         least_iterations=run.longest_solve if run.cut else 0,
+        short=run.reuse,
     )
 
 

@@ -109,7 +109,7 @@ class Work:
 
         A device that waits for the host is idle; the trial is dropped where the direction becomes another one.
         """
-        self._solver.launch(plan.absolute, plan.relative, plan.least_iterations)
+        self._solver.launch(plan.absolute, plan.relative, plan.least_iterations, short=plan.short)
         self._ahead = ahead and self.state.model.parallel.is_cuda
         if self._ahead:
             self._try_ahead()
