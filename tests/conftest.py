@@ -2,6 +2,7 @@
 
 import os
 import tempfile
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,8 @@ from filelock import FileLock
 from warp._src.context import Module  # Warp has no public hook for compilation
 
 from support.report_results import write_small_result
+from warp_trunk.cli import main
+from warp_trunk.cli.output import BAD_INPUT
 from warp_trunk.results import read_result
 
 
@@ -58,3 +61,20 @@ def compared_report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from warp_trunk.report.writing import write_report  # brings matplotlib, which few tests need
 
     return write_report(read_result(folder))
+
+
+@pytest.fixture
+def refused(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """Runs a command that must end in status 2 and one line that holds all the fragments; returns the line."""
+
+    def run(arguments: Sequence[object], *fragments: str) -> str:
+        assert main([str(word) for word in arguments]) == BAD_INPUT
+        said = capsys.readouterr()
+        assert said.out == ""
+        assert "Traceback" not in said.err
+        errors = [line for line in said.err.splitlines() if line.startswith("warp-trunk: ")]
+        assert errors == said.err.splitlines()[-1:]
+        assert [fragment for fragment in fragments if fragment not in errors[0]] == [], errors[0]
+        return errors[0]
+
+    return run

@@ -7,7 +7,6 @@ import pytest
 from support.report_results import write_small_result
 from support.small_case import small_case
 from warp_trunk.case import write_case
-from warp_trunk.cli import main
 
 
 @pytest.fixture(scope="module")
@@ -27,22 +26,13 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ],
 )
 @pytest.mark.parametrize("header", [True, False], ids=["case.toml", "skin and bones"])
-def test_a_case_is_left_alone(
-    command: str,
-    place: str,
-    header: bool,
-    result: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_case_is_left_alone(command, place, header, result, refused, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_case(tmp_path / "case", small_case())
     if not header:
         (tmp_path / "case" / "case.toml").unlink()
     before = sorted((path, path.read_bytes()) for path in tmp_path.rglob("*") if path.is_file())
-    assert main([*command.replace("RESULT", str(result)).split(), "--out", place]) == 2
-    assert "case folder" in capsys.readouterr().err
+    refused([*command.replace("RESULT", str(result)).split(), "--out", place], "case folder")
     assert sorted((path, path.read_bytes()) for path in tmp_path.rglob("*") if path.is_file()) == before
 
 
@@ -66,18 +56,10 @@ def test_a_case_is_left_alone(
     ],
 )
 def test_a_folder_of_another_kind_is_named_with_the_command_that_takes_it(
-    command: str,
-    cure: str,
-    result: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+    command, cure, result, refused, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     write_case(tmp_path / "cases" / "a", small_case())
     (tmp_path / "results").mkdir()
     (tmp_path / "results" / "r").symlink_to(result)
-    assert main(command.split()) == 2
-    said = capsys.readouterr().err
-    assert cure in said
-    assert said.count("\n") == 1
+    refused(command.split(), cure)

@@ -48,10 +48,9 @@ def test_what_is_missing_is_named_and_the_rest_is_written(files, tmp_path, capsy
     assert len(list((out / "bones").iterdir())) == 5
 
 
-def test_an_imported_case_is_not_written_onto_another(files, tmp_path, capsys):
+def test_an_imported_case_is_not_written_onto_another(files, tmp_path, refused):
     (tmp_path / "case.toml").write_text("")
-    assert main(["import", str(files[0]), "--out", str(tmp_path)]) == 2
-    assert "is a case folder" in capsys.readouterr().err
+    refused(["import", files[0], "--out", tmp_path], "is a case folder")
 
 
 def test_doubts_are_kept_in_the_case_and_shown_by_plan(files, tmp_path, capsys):

@@ -1,6 +1,5 @@
 """warp-trunk measure: what it reads, refuses, prints and writes."""
 
-import dataclasses
 import json
 from dataclasses import replace
 
@@ -107,10 +106,7 @@ def test_a_result_needs_no_case(result, tmp_path, capsys):
     assert "landmarks before surgery" in capsys.readouterr().out
 
 
-def test_the_landmarks_of_another_patient_are_refused(result, tmp_path, capsys):
-    write_case(tmp_path / "other", dataclasses.replace(small_case(), actual_skin=None))
-    arguments = ["measure", str(result), "--case", str(tmp_path / "other"), "--out", str(tmp_path / "m")]
-    assert main(arguments) == 2
-    line = capsys.readouterr().err.splitlines()[-1]
-    assert "is not the case of the result" in line
-    assert "leave --case out" in line
+def test_the_landmarks_of_another_patient_are_refused(result, tmp_path, refused):
+    write_case(tmp_path / "other", replace(small_case(), actual_skin=None))
+    words = ["measure", result, "--case", tmp_path / "other", "--out", tmp_path / "m"]
+    refused(words, "is not the case of the result", "leave --case out")

@@ -78,17 +78,13 @@ def test_option_takes_the_place_of_what_the_file_says(folder: Path) -> None:
         ),
     ],
 )
-def test_what_is_wrong_is_said_in_one_line(
-    folder: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], rule: str
-) -> None:
-    file = str(folder / "plan.toml")
-    assert plan(folder, "refused", *(file if option == "PLAN" else option for option in options)) == 2
-    said = capsys.readouterr().err.splitlines()
-    assert rule in said[-1]
+def test_what_is_wrong_is_said_in_one_line(folder, refused, options, rule):
+    words = [folder / "plan.toml" if option == "PLAN" else option for option in options]
+    refused(["plan", folder / "case", "--out", folder / "refused", *words], rule)
     assert not (folder / "refused").exists()
 
 
-def test_case_is_not_overwritten(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert plan(folder, "case", "--plan", str(folder / "plan.toml")) == 2
-    assert "is the case itself" in capsys.readouterr().err
+def test_case_is_not_overwritten(folder, refused):
+    words = ["plan", folder / "case", "--out", folder / "case", "--plan", folder / "plan.toml"]
+    refused(words, "is the case itself")
     assert read_case(folder / "case").landmarks_after is None

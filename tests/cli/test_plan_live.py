@@ -12,7 +12,6 @@ from support.no_meshing import forbid_meshing
 from support.phantoms import whole_phantom
 from support.small_patient import curved_case, small_patient
 from warp_trunk.case import write_case
-from warp_trunk.cli import main
 from warp_trunk.recording.viewer import free_port
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.progress import Progress
@@ -33,32 +32,20 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (("--live", "--port", "0"), "--port: must be from 1024 to 65535, not 0"),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_line(
-    case: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    options: tuple[str, ...],
-    rule: str,
-) -> None:
+def test_what_cannot_be_is_refused_in_one_line(case, refused, monkeypatch, options, rule):
     forbid_meshing(monkeypatch)
-    assert main(["plan", str(case), *options]) == 2
-    assert rule in capsys.readouterr().err.splitlines()[-1]
+    refused(["plan", case, *options], rule)
 
 
-def test_the_extra_is_named_where_it_is_missing(
-    case: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_extra_is_named_where_it_is_missing(case, refused, monkeypatch):
     monkeypatch.setattr(opening, "find_spec", lambda name: None if name == "viser" else name)
-    assert main(["plan", str(case), "--live"]) == 2
-    said = capsys.readouterr().err.splitlines()[-1]
-    assert "not installed (viser); pip install 'warp-trunk[live]'" in said
+    refused(["plan", case, "--live"], "not installed (viser); pip install 'warp-trunk[live]'")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_it_and_names_what_was_kept(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], number: int
-) -> None:
+def test_a_signal_ends_it_and_names_what_was_kept(tmp_path, monkeypatch, capsys, number):
     monkeypatch.setattr(opening, "patient_of", lambda *_, **__: small_patient())
+    inherited = signal.signal(number, signal.default_int_handler)  # a job in the background ignores SIGINT
     before = signal.getsignal(number)
 
     class Opened(Progress):
@@ -69,5 +56,5 @@ def test_a_signal_ends_it_and_names_what_was_kept(
 
     ended = opening.plan_live(curved_case(), tmp_path, RunOptions(device="cpu"), Opened(), port=free_port())
     assert ended is None
-    assert signal.getsignal(number) is before
+    assert signal.signal(number, inherited) is before
     assert "Plan at http://127.0.0.1:" in capsys.readouterr().err

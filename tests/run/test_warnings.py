@@ -8,7 +8,6 @@ import pytest
 from support.marked_spine import before_and_after
 from support.rrd import column
 from support.small_trunk import boned_case, made_up_increments, small_case
-from warp_trunk.cli import main
 from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.engine.tissue import Tissue
@@ -94,22 +93,22 @@ def test_a_case_made_in_code_is_checked_like_one_that_is_read(tmp_path):
         simulate(replace(case, landmarks_before=nowhere), folder=tmp_path / "out")
 
 
-def test_a_result_never_lands_in_a_case(tmp_path, capsys):
+def test_a_result_never_lands_in_a_case(tmp_path, refused):
     (tmp_path / "case").mkdir()
     (tmp_path / "case" / "case.toml").write_text("")
     (tmp_path / "link").symlink_to(tmp_path / "case")
     for place in ("case", "case/results/new", "link/there"):
-        assert main(["demo", "--out", str(tmp_path / place)]) == 2
-        assert "give --out a place outside it" in capsys.readouterr().err.splitlines()[-1]
+        refused(["demo", "--out", tmp_path / place], "give --out a place outside it")
     assert sorted(path.name for path in (tmp_path / "case").iterdir()) == ["case.toml"]
 
 
-def test_more_than_the_memory_is_refused_before_any_work(monkeypatch, capsys, tmp_path):
+def test_more_than_the_memory_is_refused_before_any_work(monkeypatch, refused, tmp_path):
     monkeypatch.setattr(warnings, "memory_here", lambda: 4.5e9)
-    assert main(["demo", "--tets", "5000000", "--out", str(tmp_path / "out")]) == 2
-    said = capsys.readouterr().err.splitlines()[-1]
-    assert "5000000 tetrahedra need about 5.5 GB of memory and 29 min" in said
-    assert "this machine has 4.5 GB; ask for 4000000, or give --yes" in said
+    refused(
+        ["demo", "--tets", "5000000", "--out", tmp_path / "out"],
+        "5000000 tetrahedra need about 5.5 GB of memory and 29 min",
+        "this machine has 4.5 GB; ask for 4000000, or give --yes",
+    )
     assert not (tmp_path / "out").exists()
     assert "5.5 GB" in (warnings.check_size(5_000_000, go_on=True) or "")
 

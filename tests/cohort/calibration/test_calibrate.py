@@ -11,7 +11,6 @@ from support.small_case import small_case
 from warp_trunk.case import write_case
 from warp_trunk.case.study import Study
 from warp_trunk.case.tissue_file import read_tissue_file
-from warp_trunk.cli import main
 from warp_trunk.cohort.calibration.calibrate import Calibration, Found, HeldOut, prior_of
 from warp_trunk.cohort.calibration.free_constants import FreeConstant
 from warp_trunk.cohort.calibration.report import calibration_text, write_calibration
@@ -76,38 +75,14 @@ def cases(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("command", "options", "said"),
     [
-        (
-            ["--free", "poisson_ratio", "--pose", "bending"],
-            "no case with a spine and an actual skin after bending",
-        ),
-        (["--free", "poisson_ratio", "--out", "tissue.txt"], "tissue.txt: must end in .toml"),
+        ("calibrate", "--free poisson_ratio --pose bending", "no case with a spine and an actual skin after bend"),
+        ("calibrate", "--free poisson_ratio --out tissue.txt", "tissue.txt: must end in .toml"),
+        ("cohort", "--live", "--live: is for one case"),
+        ("cohort", "--tissue-file nowhere.toml", "nowhere.toml: there is no such file"),
     ],
 )
-def test_refused(
-    cases: Path, arguments: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = [] if "--out" in arguments else ["--out", str(tmp_path / "tissue.toml")]
-    assert main(["calibrate", str(cases), *arguments, *out]) == 2
-    assert said in capsys.readouterr().err.splitlines()[-1]
-
-
-@pytest.mark.parametrize(
-    ("folder", "arguments", "said"),
-    [
-        (".", ["--live"], "--live: is for one case"),
-        (".", ["--tissue-file", "nowhere.toml"], "nowhere.toml: there is no such file"),
-        ("a", [], "is one case"),
-    ],
-)
-def test_what_cohort_refuses(
-    cases: Path, folder: str, arguments: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["cohort", str(cases / folder), "--out", str(tmp_path / "out"), *arguments]) == 2
-    assert said in capsys.readouterr().err.splitlines()[-1]
-
-
-def test_results_do_not_go_where_the_cases_are(cases: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["cohort", str(cases), "--out", str(cases)]) == 2
-    assert "holds the cases; give --out another folder" in capsys.readouterr().err
+def test_refused(cases, command, options, said, tmp_path, refused):
+    out = [] if "--out" in options else ["--out", tmp_path / "tissue.toml"]
+    refused([command, cases, *options.split(), *out], said)
