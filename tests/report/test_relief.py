@@ -6,7 +6,7 @@ import pytest
 from support.small_trunk import small_landmarks
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.report.hump import side_difference
+from warp_trunk.report.hump import COLOUR_STEP, hump_palette, side_difference
 from warp_trunk.report.relief import (
     BEHIND,
     FRONT,
@@ -113,3 +113,11 @@ def test_every_view_has_its_sides_where_it_says(landmarks):
     assert (BEHIND.sides, FRONT.sides, RIGHT.sides) == (("left", "right"), ("right", "left"), ("back", "front"))
     for view in (BEHIND, FRONT, RIGHT):
         np.testing.assert_allclose(seen(above, view), [0.0, 0.0, 50.0], atol=1e-9)
+
+
+def test_the_scale_is_the_published_one():
+    from matplotlib import colormaps
+
+    for limit in (20.0, 50.0):
+        published = colormaps["PuOr_r"](np.linspace(0.0, 1.0, int(2.0 * limit / COLOUR_STEP)))[:, :3]
+        np.testing.assert_allclose(hump_palette(limit), published, atol=0.01)  # of 256 steps

@@ -33,12 +33,12 @@ def hump_paint(case: Case, before: TrunkMeasures) -> tuple[Paint, float]:
         seen = window([(skin, landmarks)], PIXEL, BEHIND)
         return hump_on_vertices(skin, landmarks, relief(skin, landmarks, seen, BEHIND), seen)
 
-    difference, part = differences(case.skin, case.landmarks_before)
+    first = difference, part = differences(case.skin, case.landmarks_before)
     limit = scale_limit([abs(before.max_hump or 0.0), float(np.abs(difference * (part > 0.5)).max())])
     palette = 255.0 * hump_palette(limit)
 
     def paint(skin: Surface, landmarks: Landmarks) -> np.ndarray:
-        difference, part = differences(skin, landmarks)
+        difference, part = first if skin is case.skin else differences(skin, landmarks)
         step = (len(palette) * np.clip((difference / limit + 1.0) / 2.0, 0.0, 0.999)).astype(int)
         return np.round(SKIN + part[:, None] * (palette[step] - SKIN)).astype(np.uint8)
 

@@ -83,11 +83,14 @@ class Scene:
 
     def now(self, displacement: np.ndarray, landmarks: np.ndarray) -> None:
         """Logs bones, landmarks and the skin in its colours."""
-        way = displacement[self._trunk.skin_nodes]
-        moved = (self._case.skin.vertices + way).astype(np.float32)
-        skin = Surface(moved.astype(np.float64), self._case.skin.faces)
-        colours, normals = self._painted(skin, landmarks), vertex_normals(skin)
-        mesh = rr.Mesh3D.from_fields(vertex_positions=moved, vertex_normals=normals, vertex_colors=colours)
+        skin, way = self._case.skin, displacement[self._trunk.skin_nodes]
+        if way.any():
+            skin = skin.moved(skin.vertices + way)
+        mesh = rr.Mesh3D.from_fields(
+            vertex_positions=np.array(skin.vertices, np.float32),
+            vertex_normals=vertex_normals(skin),
+            vertex_colors=self._painted(skin, landmarks),
+        )
         self._log("now/skin", mesh)
         self._inside("now", displacement, landmarks, static=False)
 

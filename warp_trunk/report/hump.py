@@ -20,6 +20,12 @@ NEAR, WIDE = 95.0, 115.0
 """Nearer to the spine than the first all of the skin is back; further than the second it is arm or flank [mm]."""
 SMOOTH = 4.0
 """Painted values are smoothed over this length [mm], so that the triangles of a mesh do not show."""
+PURPLE_ORANGE = (
+    (45, 0, 75), (84, 39, 136), (128, 115, 172), (178, 171, 210), (216, 218, 235), (247, 247, 247),
+    (254, 224, 182), (253, 184, 99), (224, 130, 20), (179, 88, 6), (127, 59, 8),
+)  # fmt: skip
+"""The scale, from further forward to further back: PuOr of colorbrewer2.org, which every kind of colour vision
+tells apart."""
 FADE = 25.0
 """From the uppermost and the lowermost vertebra on, colours fade in over this length [mm]."""
 
@@ -71,19 +77,18 @@ def scale_limit(sizes: Sequence[float]) -> float:
 
 def hump_palette(limit: float) -> np.ndarray:
     """The colours of the steps of the scale, from its lower end, shape (steps, 3)."""
-    from matplotlib import colormaps  # heavy
-
-    steps = int(2.0 * limit / COLOUR_STEP)
-    return colormaps["PuOr_r"](np.linspace(0.0, 1.0, steps))[:, :3]
+    steps, anchors = int(2.0 * limit / COLOUR_STEP), np.linspace(0.0, 1.0, len(PURPLE_ORANGE))
+    place = np.linspace(0.0, 1.0, steps)
+    return np.column_stack([np.interp(place, anchors, one) for one in np.transpose(PURPLE_ORANGE)]) / 255.0
 
 
 def hump_on_vertices(
     skin: Surface, landmarks: Landmarks, back: Relief, seen: Window
 ) -> tuple[np.ndarray, np.ndarray]:
     """`painted_difference` on the vertices of a skin, 0 where not seen from behind; shape (vertices,) each."""
-    x, depth, z = seen_from(skin.vertices, landmarks, BEHIND).T
     from scipy.ndimage import map_coordinates  # heavy
 
+    x, depth, z = seen_from(skin.vertices, landmarks, BEHIND).T
     place = [(seen.z[0] - z) / seen.pixel, (seen.x[0] - x) / seen.pixel]
     difference, part, near = (
         map_coordinates(np.nan_to_num(image), place, order=1)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.geometry.normals import vertex_normals
+from warp_trunk.geometry.normals import area_vectors, vertex_normals
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures.spine import asis_axis
 
@@ -159,7 +159,8 @@ def _first_hits(vertices: np.ndarray, faces: np.ndarray, seen: Window) -> tuple[
     from warp_trunk.kernels.surface import first_hit
 
     near, far = vertices[:, 1].max() + 1.0, vertices[:, 1].min() - 1.0
-    mesh, middle = search_tree(Surface(vertices, faces))
+    towards = np.flatnonzero(area_vectors(vertices, faces)[:, 1] > 0.0)  # a ray enters by these alone
+    mesh, middle = search_tree(Surface(vertices, faces[towards]))
     shape = (len(seen.z), len(seen.x))
     face = wp.zeros(shape, dtype=wp.int32, device="cpu")
     weights = wp.zeros(shape, dtype=wp.vec3, device="cpu")
@@ -167,4 +168,4 @@ def _first_hits(vertices: np.ndarray, faces: np.ndarray, seen: Window) -> tuple[
     corner = wp.vec3(*(np.array([seen.x[0], near, seen.z[0]]) - middle))
     inputs = [mesh.id, corner, right, down, forward, float(near - far)]
     wp.launch(first_hit, dim=shape, inputs=inputs, outputs=[face, weights], device="cpu")
-    return face.numpy(), weights.numpy().astype(np.float64)
+    return np.append(towards, -1)[face.numpy()], weights.numpy().astype(np.float64)
