@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import base64
+import zlib
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,32 +16,54 @@ from warp_trunk.errors import InputError
 from .file_access import reason
 from .volume_files import read_mesh
 
+BLOCK = 1 << 15
+"""Bytes that are packed together, as in VTK's own files."""
+_KINDS = {"i": "Int", "u": "UInt", "f": "Float"}
 
-def as_meshio(trunk: TrunkMesh, displacement: np.ndarray) -> Any:
-    """A mesh with its displacement (nodes, 3) [mm] as a meshio.Mesh; `write_trunk` describes its data."""
-    import meshio  # heavy
 
-    skin_vertex = np.full(len(trunk.nodes), -1, dtype=np.int32)
+@dataclass(frozen=True, eq=False)
+class _Content:
+    """What the file of a mesh holds; `write_trunk` describes it."""
+
+    triangles: np.ndarray
+    """Those of the skin, then those of the bone surface; nodes, shape (triangles, 3)."""
+    point_data: dict[str, np.ndarray]
+    """A row for each node."""
+    cell_data: dict[str, np.ndarray]
+    """A row for each tetrahedron, then for each triangle."""
+
+
+def _content(trunk: TrunkMesh, displacement: np.ndarray) -> _Content:
+    count = len(trunk.nodes)
+    skin_vertex, kind = np.full(count, -1, dtype=np.int32), np.where(trunk.bone >= 0, 2, 0).astype(np.int32)
     skin_vertex[trunk.skin_nodes] = np.arange(len(trunk.skin_nodes), dtype=np.int32)
-    kind = np.where(trunk.bone >= 0, 2, 0).astype(np.int32)
     kind[trunk.skin_nodes] = 1
-    triangles = np.concatenate([trunk.skin_nodes[trunk.skin_faces], trunk.bone_faces])
-    skin = np.arange(len(triangles)) < len(trunk.skin_faces)
-    cell_data: dict[str, Any] = {
-        "part": [np.zeros(len(trunk.tets), dtype=np.int32), np.where(skin, 1, 2).astype(np.int32)]
-    }
+    triangles = np.concatenate([trunk.skin_nodes[trunk.skin_faces], trunk.bone_faces]).astype(np.int32)
+    sizes = len(trunk.tets), len(trunk.skin_faces), len(trunk.bone_faces)
+    cell_data = {"part": np.repeat(np.arange(3, dtype=np.int32), sizes)}
     if trunk.tissue is not None:
-        cell_data["tissue"] = [tissue_labels(trunk), np.full(len(triangles), -1, dtype=np.int32)]
+        none = np.full(len(triangles), -1, dtype=np.int32)
+        cell_data["tissue"] = np.concatenate([tissue_labels(trunk), none])
         if trunk.tissue.ndim == 2:
-            cell_data["tissue_parts"] = [trunk.tissue, np.zeros((len(triangles), trunk.tissue.shape[1]))]
+            shares = np.zeros((len(triangles), trunk.tissue.shape[1]))
+            cell_data["tissue_parts"] = np.concatenate([trunk.tissue, shares])
     point_data: dict[str, Any] = {
         "displacement": np.ascontiguousarray(displacement, dtype=np.float64),
         "node_kind": kind,
         "bone": trunk.bone,
         "skin_vertex": skin_vertex,
     }
-    cells: Any = [("tetra", trunk.tets), ("triangle", triangles)]
-    return meshio.Mesh(trunk.nodes, cells, point_data=point_data, cell_data=cell_data)
+    return _Content(triangles, point_data, cell_data)
+
+
+def as_meshio(trunk: TrunkMesh, displacement: np.ndarray) -> Any:
+    """A mesh with its displacement (nodes, 3) [mm] as a meshio.Mesh; `write_trunk` describes its data."""
+    import meshio  # heavy
+
+    content = _content(trunk, displacement)
+    cells: Any = [("tetra", trunk.tets), ("triangle", content.triangles)]
+    cell_data = {name: np.split(values, [len(trunk.tets)]) for name, values in content.cell_data.items()}
+    return meshio.Mesh(trunk.nodes, cells, point_data=content.point_data, cell_data=cell_data)
 
 
 def tissue_labels(trunk: TrunkMesh) -> np.ndarray:
@@ -67,13 +92,10 @@ def write_trunk(path: str | Path, trunk: TrunkMesh, displacement: np.ndarray | N
     `bone` (index into the names, or -1) and `skin_vertex` (number of the skin vertex, or -1). Cells are the
     tetrahedra, then the triangles of skin and bone surface; the cell data `part` is 0 for tissue, 1 for skin and 2
     for bone. Where there are several tissues, `tissue` is that of a tetrahedron, or of most of it, and
-    `tissue_parts` the share of each. The names of the bones are field data, UTF-8 codes with one name a line;
-    meshio 5.3 writes none, so that they are inserted.
+    `tissue_parts` the share of each. The names of the bones are field data, UTF-8 codes with one name a line.
 
     Raises InputError when the displacement does not have one row for each node.
     """
-    import meshio  # heavy
-
     path, count = Path(path), len(trunk.nodes)
     if displacement is None:
         displacement = np.zeros((count, 3))
@@ -81,13 +103,43 @@ def write_trunk(path: str | Path, trunk: TrunkMesh, displacement: np.ndarray | N
         raise InputError(
             f"{path}: the displacement must have shape ({count}, 3), one row a node, not {displacement.shape}"
         )
-    meshio.vtu.write(path, as_meshio(trunk, displacement))
-    names = "\n".join(trunk.bone_names).encode()
-    field = (
-        f'<UnstructuredGrid>\n<FieldData><DataArray type="UInt8" Name="bone_names" NumberOfTuples="{len(names)}" '
-        f'format="ascii">{" ".join(map(str, names))}</DataArray></FieldData>'
-    )
-    path.write_bytes(path.read_bytes().replace(b"<UnstructuredGrid>", field.encode(), 1))
+    content, names = _content(trunk, displacement), "\n".join(trunk.bone_names).encode()
+    corners = np.repeat(np.array([4, 3], dtype=np.int32), [len(trunk.tets), len(content.triangles)])
+    cells = {
+        "connectivity": np.concatenate([trunk.tets.ravel(), content.triangles.ravel()]),
+        "offsets": np.cumsum(corners, dtype=np.int32),
+        "types": np.where(corners == 4, 10, 5).astype(np.uint8),  # VTK_TETRA, VTK_TRIANGLE
+    }
+    parts = {
+        "Points": {"Points": trunk.nodes}, "Cells": cells,
+        "PointData": content.point_data, "CellData": content.cell_data,
+    }  # fmt: skip
+    with path.open("w", encoding="ascii") as file:
+        file.write(
+            '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian" '
+            'compressor="vtkZLibDataCompressor">\n<UnstructuredGrid>\n'
+            f'<FieldData><DataArray type="UInt8" Name="bone_names" NumberOfTuples="{len(names)}" format="ascii">'
+            f"{' '.join(map(str, names))}</DataArray></FieldData>\n"
+            f'<Piece NumberOfPoints="{count}" NumberOfCells="{len(corners)}">\n'
+        )
+        for part, arrays in parts.items():
+            packed = "".join(_data_array(name, values) for name, values in arrays.items())
+            file.write(f"<{part}>\n{packed}</{part}>\n")
+        file.write("</Piece>\n</UnstructuredGrid>\n</VTKFile>\n")
+
+
+def _data_array(name: str, values: np.ndarray) -> str:
+    """An array in VTK's XML: the sizes of its blocks, then the blocks, in base64.
+
+    They are packed at zlib's fastest level, which makes the file a hundredth larger in a fifth of the time.
+    """
+    raw = values.tobytes()
+    blocks = [zlib.compress(raw[first : first + BLOCK], 1) for first in range(0, len(raw), BLOCK)]
+    sizes = np.array([len(blocks), BLOCK, len(raw) % BLOCK, *map(len, blocks)], dtype=np.uint32)
+    text = (base64.b64encode(sizes.tobytes()) + base64.b64encode(b"".join(blocks))).decode()
+    kind = f"{_KINDS[values.dtype.kind]}{8 * values.dtype.itemsize}"
+    columns = f' NumberOfComponents="{values.shape[1]}"' if values.ndim == 2 else ""
+    return f'<DataArray type="{kind}" Name="{name}"{columns} format="binary">{text}</DataArray>\n'
 
 
 def read_trunk(path: str | Path) -> tuple[TrunkMesh, np.ndarray]:
