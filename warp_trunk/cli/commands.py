@@ -1,6 +1,7 @@
 """From the words of a command line to a command, whose file is loaded only then, and to an exit status."""
 
 import ast
+import atexit
 import errno
 import gc
 import importlib
@@ -78,13 +79,15 @@ def _sentence(name: str) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a command; returns its exit status, 0 only for a simulation that converged."""
-    arguments = sys.argv[1:] if arguments is None else list(arguments)
-    if arguments[:1] in (["-h"], ["--help"]):
+    if arguments is None:
+        arguments = sys.argv[1:]
+        atexit.register(gc.freeze)  # Python would look for garbage in all that is left, for a third of a second
+    if arguments and arguments[0] in ("-h", "--help"):
         print(overview())
         return OK
     warnings.formatwarning = lambda message, *_, **__: f"warp-trunk: warning: {message}\n"
     try:
-        return _loaded(arguments).run()
+        return _loaded(list(arguments)).run()
     except InputError as error:
         print(f"warp-trunk: {error}", file=sys.stderr)
         return BAD_INPUT

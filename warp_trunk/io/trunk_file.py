@@ -23,7 +23,7 @@ _KINDS = {"i": "Int", "u": "UInt", "f": "Float"}
 
 @dataclass(frozen=True, eq=False)
 class _Content:
-    """What the file of a mesh holds; `write_trunk` describes it."""
+    """The data of a mesh beside its nodes and tetrahedra; `write_trunk` describes them."""
 
     triangles: np.ndarray
     """Those of the skin, then those of the bone surface; nodes, shape (triangles, 3)."""

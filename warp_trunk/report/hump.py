@@ -24,8 +24,7 @@ PURPLE_ORANGE = (
     (45, 0, 75), (84, 39, 136), (128, 115, 172), (178, 171, 210), (216, 218, 235), (247, 247, 247),
     (254, 224, 182), (253, 184, 99), (224, 130, 20), (179, 88, 6), (127, 59, 8),
 )  # fmt: skip
-"""The scale, from further forward to further back: PuOr of colorbrewer2.org, which every kind of colour vision
-tells apart."""
+"""The scale, from further forward to further back: PuOr of Cynthia Brewer, for every kind of colour vision."""
 FADE = 25.0
 """From the uppermost and the lowermost vertebra on, colours fade in over this length [mm]."""
 
