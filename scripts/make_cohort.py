@@ -23,8 +23,8 @@ from synthetic_patient import COBB, Drawn, curve_of, draw, leaning, part_of, sha
 
 from warp_trunk import Case, InputError, RunOptions, Surface, make_case, read_surface, simulate, write_case
 from warp_trunk.case import check_case
+from warp_trunk.case.case import Pose, Study
 from warp_trunk.case.layers import Layers
-from warp_trunk.case.study import Pose, Study
 from warp_trunk.case.tissue_file import with_constants
 from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.simulation import SimulationOptions

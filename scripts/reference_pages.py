@@ -88,7 +88,9 @@ def fields_of(record: type) -> str:
             and isinstance(text, ast.Expr)
             and isinstance(text.value, ast.Constant)
         ):
-            kind = re.sub(r"^Annotated\[(.*), \S+\]$", r"\1", ast.unparse(field.annotation)).replace("|", "or")
+            kind = re.sub(r"Annotated\[(.*?), [^],]*\([^)]*\)\]", r"\1", ast.unparse(field.annotation)).replace(
+                "|", "or"
+            )
             meaning = " ".join(str(text.value.value).split()).replace("|", "\\|")
             rows.append(f"| `{ast.unparse(field.target)}` | {meaning} | {kind} |")
     return "\n".join(["| entry | meaning | type |", "|---|---|---|", *rows]) if rows else ""

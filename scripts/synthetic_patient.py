@@ -10,8 +10,8 @@ import numpy as np
 
 from warp_trunk import Case, Landmarks, SpineCurve, Surface
 from warp_trunk.case.anatomy import VERTEBRAE
+from warp_trunk.case.case import Pose
 from warp_trunk.case.rib_coupling import LIMITS, RANGES, RibCoupling
-from warp_trunk.case.study import Pose
 from warp_trunk.preparation.deformity.published_curves import (
     KYPHOSIS,
     LOWER_SHARE,

@@ -1,6 +1,7 @@
 """The one error for bad input: its text names the file or argument, the rule, the value found and the cure."""
 
 import difflib
+import math
 import re
 from collections.abc import Iterable
 from numbers import Real
@@ -15,7 +16,7 @@ class InputError(ValueError):
 
     >>> wt.simulate(case, tets=-1)
     Traceback (most recent call last):
-    warp_trunk.errors.InputError: mesh: 'tets' must be a number from 4 to 5e+07, not -1
+    warp_trunk.errors.InputError: mesh: 'tets' must be a number from 4 to 5e+07, not -1; the nearest is 4
     """
 
     def __str__(self) -> str:
@@ -43,8 +44,21 @@ def check_ranges(options: object, what: str, unit: str = "", **ranges: tuple[flo
     `what` is the first word of the message, `unit` follows a blank, `ranges` are by the name of the field."""
     for name, (least, most) in ranges.items():
         value = getattr(options, name)
-        if value is not None and not (isinstance(value, Real) and least <= float(value) <= most):  # nor is NaN
-            raise InputError(f"{what}: '{name}' must be a number from {least:g} to {most:g}{unit}, not {value}")
+        if value is None:
+            continue
+        known = isinstance(value, Real) and not math.isnan(value)
+        if not known or not least <= float(value) <= most:
+            cure = within(float(value), min(max(float(value), least), most)) if known else "; give one"
+            raise InputError(
+                f"{what}: '{name}' must be a number from {least:g} to {most:g}{unit}, not {value}{cure}"
+            )
+
+
+def within(value: float, bound: float) -> str:
+    """The cure for a number beyond a bound, as the end of a sentence; a share may be meant in percent."""
+    if bound == 1.0 and 1.0 < value <= 100.0:
+        return f"; for {value:g} % write {value / 100.0:g}"
+    return f"; the nearest is {bound:g}"
 
 
 def check_choices(options: object, what: str, **choices: Iterable[str]) -> None:

@@ -23,7 +23,7 @@ ROWS = [
     ("not finite", FRONT + "translation = [nan, 0, 0]\n", "must be finite"),
     ("no motion", FRONT + "large = true\n", "gives no motion"),
     ("two motions", FRONT + "translation = [1, 0, 0]\nfollows = { core = 0.5 }\n", "follows and translation"),
-    ("rotation without a point", FRONT + "rotation = { degrees = 2, axis = [1, 0, 0] }\n", "`point`"),
+    ("rotation without a point", FRONT + "rotation = { degrees = 2, axis = [1, 0, 0] }\n", "lacks 'point'"),
     ("too far", FRONT + "translation = [0, 0, -61]\n", "61 mm", "large = true"),
     ("another frame", FRONT + 'transform = "frame.txt"\nlarge = true\n', "outside the skin", "frame"),
     ("no file", FRONT + 'transform = "none.tfm"\n', "none.tfm: there is no such file"),

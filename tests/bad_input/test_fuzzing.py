@@ -21,9 +21,12 @@ from support.label_maps import write_nrrd
 from support.report_results import write_small_result
 from support.small_case import small_case
 from support.small_trunk import boned_case
+from warp_trunk.bone_motion.plan import read_plan
 from warp_trunk.case.header import read_header
 from warp_trunk.case.landmarks import read_landmarks, write_landmarks
 from warp_trunk.case.layers import read_numbers
+from warp_trunk.case.motions import read_motions
+from warp_trunk.case.tissue_file import read_tissue_file
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
@@ -131,6 +134,12 @@ TOML = (
     'name = "a"\nunits = "mm"\naxes = "LPS"\nlandmark_columns = ["n", "x", "y", "z"]\n[tissue]\ntheta = 7\n'
     '[layers]\nskin_thickness = 1.5\nfat_thickness = "fat.txt"\n[layers.fat]\nyoungs_modulus = 3\n'
 )
+TISSUE = "[tissue]\ntheta = 7\n[layers.fat]\ndensity = 900\n[ribs]\nturn = 0.5\n"
+PLAN = 'uiv = "T4"\nliv = "L1"\nunfused = "fixed"\n[[curve]]\napex = "T8"\ncorrection = 0.65\n'
+MOTIONS = (
+    "[sternum]\ntranslation = [0, -6, 0]\nrotation = { degrees = 2.0, axis = [1, 0, 0], point = [0, 0, 0] }\n"
+    "[hyoid]\nfollows = { sternum = 0.5 }\n"
+)
 MATRIX = "1 0 0 5\n0 1 0 6\n0 0 1 7\n0 0 0 1\n"
 READERS: dict[str, tuple[str, Callable[[Path], object], Callable[[Path], object]]] = {
     **{name: (f"a{name}", surface_file, read_surface) for name in (".ply", ".stl", ".obj", ".off", ".glb")},
@@ -147,6 +156,9 @@ READERS: dict[str, tuple[str, Callable[[Path], object], Callable[[Path], object]
     "landmarks.mrk.json": ("a.mrk.json", text_file(MARKUPS), read_landmarks),
     "landmarks.fcsv": ("a.fcsv", text_file(FCSV), read_landmarks),
     "case.toml": ("case.toml", text_file(TOML), read_header),
+    "tissue.toml": ("tissue.toml", text_file(TISSUE), read_tissue_file),
+    "plan.toml": ("plan.toml", text_file(PLAN), read_plan),
+    "motions.toml": ("motions.toml", text_file(MOTIONS), read_motions),
     "thickness": ("a.txt", text_file("1.5\n2\n0.5 # thin\n"), lambda path: read_numbers(path, 3)),
     "transform": ("a.txt", text_file(MATRIX), read_transform),
     "projection": ("a.txt", text_file("1 0 0 5\n0 1 0 6\n0 0 1 7\n"), read_projection),

@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 from warp_trunk.bone_motion import articulation
 from warp_trunk.bone_motion.rib_cage import ends
 from warp_trunk.bone_motion.skeleton import Skeleton
+from warp_trunk.case.case import Pose
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.rib_coupling import RibCoupling
-from warp_trunk.case.study import Pose
 from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.preparation.phantom import straight_trunk

@@ -8,9 +8,9 @@ from warp_trunk.bone_motion.articulation import bone_motions, spine_features
 from warp_trunk.bone_motion.prescribed_motion import rigid_derivative, sets_around, spline_derivative
 from warp_trunk.bone_motion.rib_cage import ends
 from warp_trunk.bone_motion.skeleton import Skeleton
+from warp_trunk.case.case import Pose
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.rib_coupling import RibCoupling
-from warp_trunk.case.study import Pose
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.rigid import NamedMotions
 from warp_trunk.geometry.spline import fit_spline

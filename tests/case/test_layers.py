@@ -10,8 +10,8 @@ from support.refusals import refuses
 from support.small_case import small_case
 from support.there import there
 from warp_trunk.case import read_case, write_case
-from warp_trunk.case.header import read_header
-from warp_trunk.case.layers import Layers, LayerTable, layer_lines, read_layers
+from warp_trunk.case.header import CaseHeader, header_text, read_header
+from warp_trunk.case.layers import Constants, Layers, LayerTable, read_layers
 
 
 def read(folder: Path, text: str) -> LayerTable | None:
@@ -26,15 +26,21 @@ def test_a_case_without_the_table_has_no_layers(tmp_path: Path) -> None:
 
 
 def test_the_text_reads_back(tmp_path: Path) -> None:
-    table = LayerTable(2.1, 'fat "1".txt', "labels.vtu", fat={"density": 0.1 + 0.2}, muscle={"theta": 3.0})
-    assert read(tmp_path, "\n".join(layer_lines(table))) == table
+    table = LayerTable(
+        skin_thickness=2.1,
+        fat_thickness='fat "1".txt',
+        mesh="labels.vtu",
+        fat=Constants(density=0.1 + 0.2),
+        muscle=Constants(theta=3.0),
+    )
+    assert read(tmp_path, header_text(CaseHeader(name="a", layers=table))) == table
 
 
 @pytest.mark.parametrize(
     ("text", "rule"),
     [
         ("fat_thicknes = 1", "unknown key 'layers.fat_thicknes' (did you mean 'layers.fat_thickness'?"),
-        ("fat_thickness = true", "Expected `float | str | null`, got `bool` - at `$.fat_thickness`"),
+        ("fat_thickness = true", "'layers.fat_thickness' must be a number or a text, not True"),
         (
             "[layers.fat]\nyoungs_modulus = -3",
             "'youngs_modulus' must be a finite number of at least 1e-09, not -3.0",

@@ -70,7 +70,7 @@ def test_option_takes_the_place_of_what_the_file_says(folder: Path) -> None:
     ("options", "rule"),
     [
         (("--uiv", "T4"), "the curves are 24 degrees T1 to T5 with apex T3, 55 degrees T5 to T12"),
-        (("--uiv", "T4", "--liv", "L1", "--curve", "T8,correctoin=0.5"), "did you mean 'curve.correction'?"),
+        (("--uiv", "T4", "--liv", "L1", "--curve", "T8,correctoin=0.5"), "did you mean 'correction'?"),
         (("--plan", "PLAN", "--aim", "hump"), "--aim and --within belong together"),
         (
             ("--plan", "PLAN", "--aim", "bsr", "--within", "T8,correction=0.5"),

@@ -20,8 +20,8 @@ from support.partial_scans import scan
 from support.phantoms import coarse_phantom
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, write_plan
 from warp_trunk.case import Case, write_case
+from warp_trunk.case.case import Study
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
-from warp_trunk.case.study import Study
 from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.preparation.back_scan.cut import cut_back
 from warp_trunk.preparation.deformity import SpineCurve, impose, make_case

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from warp_trunk.case import Case, write_case
-from warp_trunk.case.study import Study
+from warp_trunk.case.case import Study
 from warp_trunk.cohort.one_case import CohortOptions
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.geometry.coarsening import coarsen

@@ -20,8 +20,8 @@ from .vertebra_motion import Vertebrae
 from .vertebra_smoothing import vertebra_smoothing
 
 if TYPE_CHECKING:
+    from warp_trunk.case.case import Pose
     from warp_trunk.case.rib_coupling import RibCoupling
-    from warp_trunk.case.study import Pose
     from warp_trunk.measures.cobb import CobbAngle
 
     from .vertebra_smoothing import VertebraSmoothing

@@ -3,24 +3,54 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Annotated, ClassVar, Literal, get_args
 
 import numpy as np
+from msgspec import Meta
 
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import RigidMotion, fit_rigid
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.records import check_fields
 
-from .invented import Invented
 from .landmarks import Landmarks, bone_of
 from .layers import Layers
 from .motions import Motion, rigid_motions
 from .points import Points
 from .rib_coupling import RibCoupling
-from .study import Study
-from .uncertainty import Uncertainty
+from .uncertainty import Invented, Uncertainty
+
+Posture = Literal["standing", "supine", "prone"]
+POSTURES: tuple[str, ...] = get_args(Posture)
+"""Postures during the scan."""
+Pose = Literal["surgery", "bending"]
+"""The change of the trunk from before to after."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """The table [study] of case.toml: the patient, and what a study of several cases needs to know besides."""
+
+    patient: str = ""
+    """Identifier of the patient: cases with the same one are of one person. The case itself if empty."""
+    pose: Pose = "surgery"
+    """The change from before to after: surgery, or sideways bending of the same patient, when the landmarks after
+    and the actual skin are those of the bent trunk."""
+    months_after: Annotated[float, Meta(ge=0.0, le=1200.0)] | None = None
+    """Months from surgery to the scan of the actual skin; None if unknown."""
+    synthetic: bool = False
+    """Whether the case, including the actual skin, was made by a computer and is of no patient."""
+
+    # keys of earlier files
+    other_keys: ClassVar[Mapping[str, str]] = {"virtual": "synthetic"}
+
+    def __post_init__(self) -> None:
+        """Raises InputError for a time out of range."""
+        check_fields(self, "study")
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +84,8 @@ class Case:
     """Skin, fat and muscle, if the case describes them."""
     rib_coupling: RibCoupling = dataclasses.field(default_factory=RibCoupling)
     """Fractions of the motion of a vertebra that its ribs take (`--bones follow`)."""
-    posture: str = "standing"
-    """Posture during the scan, one of `POSTURES`; curves are smaller and the back is flatter when lying."""
+    posture: Posture = "standing"
+    """Posture during the scan; curves are smaller and the back is flatter when lying."""
     uncertainty: Uncertainty = dataclasses.field(default_factory=Uncertainty)
     """Uncertainty of the input and of the assumptions of the model."""
     study: Study = dataclasses.field(default_factory=Study)

@@ -21,7 +21,6 @@ from .case import Case
 from .checks import CaseSource, check_case, check_names
 from .folders import HEADER, is_case, other_kind
 from .header import read_header
-from .invented import read_invented_skin
 from .landmark_checks import align_pelvis
 from .landmarks import NO_LANDMARKS, Landmarks, landmark_file, read_landmarks
 from .layers import read_layers
@@ -29,6 +28,7 @@ from .motions import FILE as MOTIONS
 from .motions import Motion, read_motions
 from .points import FILE as POINTS
 from .points import Points, read_points
+from .uncertainty import read_invented_skin
 
 
 def read_case(folder: str | Path, motions: str | Path | None = None) -> Case:
@@ -76,7 +76,7 @@ def read_checked_case(
         hint = "" if place.exists() else _called_nearly(place)
         raise InputError(f"{place}: there is no surface in it{hint}; add each bone as bones/<name>.ply")
     before, after = files.landmarks("landmarks_before"), files.landmarks("landmarks_after")
-    source = CaseSource(files.names, header.units, header.axes.code)
+    source = CaseSource(files.names, header.units, header.axes)
     if before is None and not (moved or bones_after.keys() == bones.keys()):
         cure = f"add the landmarks of the spine, or {MOTIONS}, or every bone in bones_after/"
         path = files.names["landmarks_before"]
@@ -189,14 +189,14 @@ class _Files:
         path, header = landmark_file(self.folder, key), self.header
         if not self.there(key, path):
             return None
-        return read_landmarks(path, header.axes, header.units, header.landmark_columns)
+        return read_landmarks(path, header.frame, header.units, header.landmark_columns)
 
     def motions(self, given: Path | None) -> dict[str, Motion]:
         path = given or self.folder / MOTIONS
         self.names["motions"] = path
         if given is None and not self.there("motions", path):
             return {}
-        found = read_motions(path, self.header.axes, None if given else self.folder)
+        found = read_motions(path, self.header.frame, None if given else self.folder)
         if not found:
             raise InputError(f"{path}: names no bone; add a table for each bone that moves, or remove the file")
         return found
@@ -207,7 +207,7 @@ class _Files:
 
     def followed(self) -> Points:
         path = self.folder / POINTS
-        return read_points(path, self.header.axes, self.header.units) if self.there("points", path) else Points()
+        return read_points(path, self.header.frame, self.header.units) if self.there("points", path) else Points()
 
     def skin(self) -> Path:
         found = surface_files(self.folder, "skin").get("skin")

@@ -9,17 +9,16 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import partial, write_whole
 from warp_trunk.io.surface_files import surface_files, write_surface
 
-from .axes import Axes
 from .case import Case
 from .folders import HEADER
 from .header import CaseHeader, header_text
-from .invented import write_invented_skin
 from .landmarks import write_landmarks
 from .layers import write_layers
 from .motions import FILE as MOTIONS
 from .motions import motions_text
 from .points import FILE as POINTS
 from .points import points_text
+from .uncertainty import write_invented_skin
 
 
 def write_case(folder: str | Path, case: Case) -> None:
@@ -61,7 +60,6 @@ def write_case(folder: str | Path, case: Case) -> None:
     write_invented_skin(folder, case.unseen)
     header = CaseHeader(
         name=case.name,
-        axes=Axes("LPS"),
         posture=case.posture,
         notes=case.notes,
         tissue=case.tissue,

@@ -4,26 +4,23 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import partial
+from warp_trunk.io.records import as_record, read_toml, toml_text
 from warp_trunk.io.surface_files import in_lps, read_stated
 
-from .axes import MILLIMETRES, Axes
-from .invented import Invented
-from .keys import changed, converted, read_toml, refuse_unknown, table_lines, toml, with_present_keys
+from .axes import Axes
+from .case import Posture, Study
 from .landmarks import COLUMNS
-from .layers import LayerTable, layer_lines
-from .rib_coupling import FORMER_RIBS, RibCoupling
-from .study import Study
-from .uncertainty import Uncertainty
-
-POSTURES = ("standing", "supine", "prone")
-"""Postures during the scan."""
+from .layers import LayerTable
+from .rib_coupling import RibCoupling
+from .uncertainty import Invented, Uncertainty
 
 
 @dataclass(frozen=True)
@@ -32,14 +29,14 @@ class CaseHeader:
 
     name: str
     """Name of the case; that of its folder if not given."""
-    units: str = "mm"
-    """Unit of every length in the folder: mm, cm, m or in (inches)."""
-    axes: Axes = dataclasses.field(default_factory=lambda: Axes("LPS"))
-    """Patient axes of every position in the folder."""
-    landmark_columns: tuple[str, ...] = COLUMNS
+    units: Literal["mm", "cm", "m", "in"] = "mm"
+    """Unit of every length in the folder; `in` is inches."""
+    axes: str = "LPS"
+    """Code of the patient axes of every position in the folder, see `Axes`."""
+    landmark_columns: tuple[str, str, str, str] = COLUMNS
     """Columns of the CSV files of landmarks that hold name, x, y and z."""
-    posture: str = "standing"
-    """Posture during the scan, one of `POSTURES`."""
+    posture: Posture = "standing"
+    """Posture during the scan."""
     notes: tuple[str, ...] = ()
     """Doubts of the image that the case was made from, a sentence each."""
     tissue: Tissue = dataclasses.field(default_factory=Tissue)
@@ -55,31 +52,28 @@ class CaseHeader:
     invented: Invented | None = None
     """The parts that were not measured, from the table [invented]."""
 
+    def __post_init__(self) -> None:
+        """Raises InputError for axes that are none, and for a column that is named twice or not at all."""
+        _ = self.frame
+        if len({*self.landmark_columns, ""}) != 5:
+            given = list(self.landmark_columns)
+            raise InputError(f"'landmark_columns' must be four different names, not {given}; correct it")
+
+    @cached_property
+    def frame(self) -> Axes:
+        """The axes."""
+        return Axes(self.axes)
+
     def surface(self, path: Path) -> tuple[Surface, str | None]:
         """A surface of the folder in LPS [mm], and a sentence where its header states other axes than are used.
 
         Axes other than LPS in case.toml hold for all files; else the header of a file does.
         """
         surface, space = read_stated(path)
-        if self.axes.code == "LPS":
-            return self.axes.surface_to_lps(in_lps(surface, space), self.units), None
-        note = f'{path}: its header says SPACE={space}; axes = "{self.axes.code}" of case.toml is used.'
-        differs = space not in (None, self.axes.code)
-        return self.axes.surface_to_lps(surface, self.units), note if differs else None
-
-
-_KINDS = {
-    **dict.fromkeys(("name", "units", "axes", "posture"), str),
-    "landmark_columns": tuple[str, str, str, str],
-    "notes": tuple[str, ...],
-    "tissue": Tissue,
-    "layers": LayerTable,
-    "ribs": RibCoupling,
-    "uncertainty": Uncertainty,
-    "study": Study,
-    "invented": Invented,
-}
-"""The type of each value of case.toml."""
+        if self.axes == "LPS":
+            return self.frame.surface_to_lps(in_lps(surface, space), self.units), None
+        note = f'{path}: its header says SPACE={space}; axes = "{self.axes}" of case.toml is used.'
+        return self.frame.surface_to_lps(surface, self.units), note if space not in (None, self.axes) else None
 
 
 def read_header(path: Path) -> CaseHeader:
@@ -94,39 +88,21 @@ def read_header(path: Path) -> CaseHeader:
         table = read_toml(path, "the header of a case was expected")
     elif partial(path).exists():
         raise InputError(f"{path}: is missing, as writing this case did not end; write the case again")
-    refuse_unknown(path, table, list(_KINDS), "")
-    for name, former in (("ribs", FORMER_RIBS), ("study", {"virtual": "synthetic"})):
-        if name in table:
-            table[name] = with_present_keys(table[name], former)
-    values: dict[str, Any] = {"name": path.resolve().parent.name}
-    values |= {key: converted(path, value, _KINDS[key], key) for key, value in table.items()}
-    for key, allowed in (("units", MILLIMETRES), ("posture", POSTURES)):
-        if key in values and values[key] not in allowed:
-            raise InputError(f"{path}: '{key}' must be {' or '.join(allowed)}, not '{values[key]}'; correct it")
-    columns = values.get("landmark_columns", COLUMNS)
-    if len({*columns, ""}) != 5:
-        raise InputError(f"{path}: 'landmark_columns' must be four different names, not {columns}; correct it")
-    try:
-        if "layers" in values:
-            values["layers"].check(path)
-        return CaseHeader(**{**values, "axes": Axes(values.get("axes", "LPS"))})
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+    return as_record({"name": path.resolve().parent.name} | table, CaseHeader, path)
 
 
 def header_text(header: CaseHeader) -> str:
-    """The text of case.toml, which `read_header` reads back to the last bit."""
-    lines = [
-        f"name = {toml(header.name)}",
-        f'units = "{header.units}"',
-        f'axes = "{header.axes.code}"  # the patient\'s left, back and up are L, P and S',
-        f'posture = "{header.posture}"',
-        *([f"notes = {toml(header.notes)}"] if header.notes else []),
-        *table_lines("tissue", dataclasses.asdict(header.tissue)),
-        *table_lines("ribs", changed(header.ribs)),
-        *table_lines("uncertainty", changed(header.uncertainty)),
-        *table_lines("study", changed(header.study)),
-        *table_lines("invented", {} if header.invented is None else dataclasses.asdict(header.invented)),
-        *([] if header.layers is None else layer_lines(header.layers)),
-    ]
-    return "\n".join(lines) + "\n"
+    """The text of case.toml, which `read_header` reads back to the last bit; tables but [tissue] as they differ
+    from their defaults."""
+    record: dict[str, Any] = {one.name: getattr(header, one.name) for one in dataclasses.fields(header)}
+    record |= {name: _changed(record[name]) for name in ("ribs", "uncertainty", "study")}
+    for name in ("tissue", "invented"):
+        record[name] = None if record[name] is None else dataclasses.asdict(record[name])
+    record["layers"] = None if header.layers is None else header.layers.given
+    return toml_text(record, ["axes: the patient's left, back and up are L, P and S"])
+
+
+def _changed(record: Any) -> dict[str, Any]:
+    """The fields of a dataclass that differ from their defaults."""
+    values = {field.name: (getattr(record, field.name), field.default) for field in dataclasses.fields(record)}
+    return {name: value for name, (value, default) in values.items() if value != default}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,12 +12,8 @@ from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.rigid import fit_rigid, misfit
 from warp_trunk.geometry.surface import Surface
 
+from .case import Case, Pose
 from .landmarks import ASIS, VERTEBRA_POINTS, Landmarks, bone_of
-from .study import Pose
-
-if TYPE_CHECKING:
-    from .case import Case
-
 
 MOST_OFF_BONE = 15.0
 """Largest distance of a landmark from the surface of its bone [mm]."""

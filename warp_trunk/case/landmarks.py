@@ -16,6 +16,7 @@ from warp_trunk.errors import InputError, expect, nearest
 from warp_trunk.geometry.surface import FARTHEST
 from warp_trunk.io.atomic_write import csv_text, write_whole
 from warp_trunk.io.file_access import is_plain, number, read_text
+from warp_trunk.io.records import read_json
 
 from .anatomy import rank, region
 from .axes import MILLIMETRES, Axes
@@ -235,10 +236,7 @@ class _Markups(msgspec.Struct):
 
 def _read_markups(path: Path) -> Landmarks:
     """The control points that were placed, of all markups in a .mrk.json file."""
-    try:
-        markups = msgspec.json.decode(read_text(path, _EXPECTED), type=_Markups).markups
-    except (msgspec.DecodeError, RecursionError) as error:
-        raise InputError(f"{path}: cannot be read as markups ({error}); {_CURE}") from error
+    markups = read_json(path, _Markups, _EXPECTED, "cannot be read as markups", _CURE).markups
     frames = {
         (str(markup.coordinate_system), unit) for markup in markups for unit in _units_of(markup.coordinate_units)
     }

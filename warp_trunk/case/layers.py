@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -14,8 +14,6 @@ from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.file_access import MOST_SURFACE, check_file, check_within, number, read_text
-
-from .keys import names_of, refuse_unknown, table_lines
 
 NAMES = ("skin", "fat", "muscle")
 """The layers from outside to inside; their numbers are the labels of tetrahedra. The last reaches to the bones
@@ -99,8 +97,50 @@ class Layers:
         return np.stack([skin, skin + self.fat_thickness])
 
 
-@dataclass(frozen=True)
-class LayerTable:
+@dataclass(frozen=True, kw_only=True)
+class Constants:
+    """Constants of a tissue, those that a file or a command gives."""
+
+    epsilon: float | None = None
+    """Stiffness of faces against edges, k_A / k_D of eq. 4.6; 0 leaves the area term out."""
+    theta: float | None = None
+    """Stiffness of tetrahedra against edges, k_V / k_D of eq. 4.6; 0 leaves the volume term out."""
+    density: float | None = None
+    """Mass per volume [kg/m^3], eq. 4.15; used only with gravity."""
+    youngs_modulus: float | None = None
+    """Stiffness of the tissue as a continuum [kPa]; it matters beside other tissues, and with gravity."""
+    poisson_ratio: float | None = None
+    """Poisson's ratio of the neo-Hookean energy, from 0 to 0.499; 0.5 would keep every volume."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for a value that no tissue has."""
+        Tissue(**self.given)
+
+    @property
+    def given(self) -> dict[str, float]:
+        """Those that are given, by name."""
+        return {name: value for name, value in asdict(self).items() if value is not None}
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayerConstants:
+    """Constants by layer, as files give them."""
+
+    skin: Constants = field(default_factory=Constants)
+    """Of the skin, from the table [layers.skin]."""
+    fat: Constants = field(default_factory=Constants)
+    """Of the fat, likewise."""
+    muscle: Constants = field(default_factory=Constants)
+    """Of the muscle, likewise."""
+
+    @property
+    def constants(self) -> dict[str, dict[str, float]]:
+        """Constants by name of layer, of the layers that have some."""
+        return {name: given for name in NAMES if (given := getattr(self, name).given)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayerTable(LayerConstants):
     """The table [layers]; every key may be omitted."""
 
     skin_thickness: float | str | None = None
@@ -109,32 +149,11 @@ class LayerTable:
     """Likewise."""
     mesh: str | None = None
     """Name of a mesh with labels."""
-    skin: dict[str, float] = field(default_factory=dict)
-    """Constants of `Tissue`, from the table [layers.skin]."""
-    fat: dict[str, float] = field(default_factory=dict)
-    """Likewise, from [layers.fat]."""
-    muscle: dict[str, float] = field(default_factory=dict)
-    """Likewise, from [layers.muscle]."""
 
     @property
-    def constants(self) -> dict[str, dict[str, float]]:
-        """Constants by name of layer, of the layers that have some."""
-        return {name: values for name in NAMES if (values := getattr(self, name))}
-
-    def check(self, path: Path) -> None:
-        """Raise InputError for a constant that no tissue has, or a value that it cannot have."""
-        for name, values in self.constants.items():
-            refuse_unknown(path, values, names_of(Tissue), f"layers.{name}.")
-            Tissue(**values)
-
-
-def layer_lines(table: LayerTable) -> list[str]:
-    """The lines of [layers], which `read_header` reads back."""
-    given = {key: value for key in (*THICKNESS, "mesh") if (value := getattr(table, key)) is not None}
-    lines = ["", "[layers]", *table_lines("", given)[2:]]
-    for name, constants in table.constants.items():
-        lines += table_lines(f"layers.{name}", constants)
-    return lines
+    def given(self) -> dict[str, Any]:
+        """Values by key, as a file has them."""
+        return {name: getattr(self, name) for name in (*THICKNESS, "mesh")} | self.constants
 
 
 def read_layers(folder: Path, table: LayerTable, millimetres: float, vertices: int) -> Layers:
@@ -169,7 +188,7 @@ def read_layers(folder: Path, table: LayerTable, millimetres: float, vertices: i
 
 def write_layers(folder: Path, layers: Layers) -> LayerTable:
     """Writes the files of the layers into a case folder; the table names them. Lengths are in mm."""
-    given: dict[str, Any] = {name: dict(values) for name, values in layers.constants.items()}
+    given: dict[str, Any] = {name: Constants(**values) for name, values in layers.constants.items()}
     for name in THICKNESS:
         given[name] = getattr(layers, name)
         if isinstance(given[name], np.ndarray):

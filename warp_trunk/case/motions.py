@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
@@ -15,10 +15,10 @@ from warp_trunk.errors import InputError, as_path, nearest
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.io.file_access import check_within
+from warp_trunk.io.records import as_record, read_toml, toml_text
 from warp_trunk.io.transform_file import read_transform, rigid
 
 from .axes import Axes
-from .keys import read_toml, shown, table_lines, toml
 from .landmarks import bone_of
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ Row = tuple[float, float, float, float]
 Matrix = tuple[Row, Row, Row, Row]
 
 
-class Turn(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Turn(msgspec.Struct, frozen=True, kw_only=True):
     """A rotation about an axis through a point, by the right-hand rule."""
 
     degrees: float
@@ -43,7 +43,7 @@ class Turn(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     """A point on the axis [mm]."""
 
 
-class Motion(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
+class Motion(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """The motion of a bone from before to after surgery, in LPS and mm: a rotation and then a translation, or a
     transform, or fractions of the motions of other bones.
 
@@ -64,7 +64,7 @@ class Motion(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Whether the motion may exceed `LARGEST`."""
 
 
-class _Entry(Motion, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class _Entry(Motion, frozen=True, kw_only=True):
     """A table of motions.toml, whose transform may be the name of a file."""
 
     transform: str | Matrix | None = None  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -106,14 +106,8 @@ def read_motions(path: str | Path, axes: Axes | None = None, within: Path | None
     return {bone: _motion(path, bone, table, axes, within) for bone, table in tables.items()}
 
 
-def _motion(path: Path, bone: str, table: object, axes: Axes, within: Path | None) -> Motion:
-    if not isinstance(table, dict):
-        raise InputError(f"{path}: '{bone}' must be a table [{bone}] of a motion, not {shown(table)}; correct it")
-    try:
-        entry = msgspec.convert(table, _Entry)
-    except msgspec.ValidationError as error:
-        keys = ", ".join(Motion.__struct_fields__)
-        raise InputError(f"{path}: [{bone}]: {error}; the keys are {keys}") from error
+def _motion(path: Path, bone: str, table: Any, axes: Axes, within: Path | None) -> Motion:
+    entry = as_record(table, _Entry, f"{path}: [{bone}]")
     transform = entry.transform
     if isinstance(transform, str):
         file = path.parent / transform
@@ -145,10 +139,7 @@ def _rows(matrix: np.ndarray) -> Matrix:
 
 def motions_text(motions: Mapping[str, Motion]) -> str:
     """The text of motions.toml, in LPS, which `read_motions` reads back."""
-    lines = [
-        line for bone, motion in motions.items() for line in table_lines(toml(bone), msgspec.to_builtins(motion))
-    ]
-    return "\n".join(lines[1:]) + "\n" if lines else ""
+    return toml_text({bone: msgspec.to_builtins(motion) for bone, motion in motions.items()})
 
 
 def rigid_motions(motions: Mapping[str, Motion], still: Iterable[str] = ()) -> dict[str, RigidMotion]:

@@ -5,23 +5,24 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.io.atomic_write import write_whole
+from warp_trunk.io.records import as_record, read_toml, toml_text
 
-from .keys import converted, names_of, read_toml, refuse_unknown, table_lines, with_present_keys
-from .layers import NAMES, Layers
-from .rib_coupling import FORMER_RIBS, RibCoupling
+from .layers import NAMES, Constants, LayerConstants, Layers
+from .rib_coupling import RibCoupling
 
 if TYPE_CHECKING:
     from .case import Case
 
 RIBS = "ribs"
+_OF_TISSUE, _OF_RIBS = (tuple(one.name for one in dataclasses.fields(kind)) for kind in (Tissue, RibCoupling))
 CONSTANT_NAMES = (
-    *names_of(Tissue),
-    *(f"{layer}.{name}" for layer in NAMES for name in names_of(Tissue)),
-    *(f"{RIBS}.{name}" for name in names_of(RibCoupling)),
+    *_OF_TISSUE,
+    *(f"{layer}.{name}" for layer in NAMES for name in _OF_TISSUE),
+    *(f"{RIBS}.{name}" for name in _OF_RIBS),
 )
 """Every constant: of the uniform tissue (`poisson_ratio`; of layers too, where they give none of their own), of a
 layer (`fat.youngs_modulus`), and the shares of the ribs (`ribs.reversible_part`)."""
@@ -59,6 +60,15 @@ def with_constants(case: Case, constants: Mapping[str, float]) -> Case:
     return dataclasses.replace(case, tissue=tissue, rib_coupling=shares, layers=layers)
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class _TissueFile:
+    """Tables of case.toml, of which a file gives some."""
+
+    tissue: Constants = dataclasses.field(default_factory=Constants)
+    layers: LayerConstants = dataclasses.field(default_factory=LayerConstants)
+    ribs: RibCoupling = dataclasses.field(default_factory=RibCoupling)
+
+
 def read_tissue_file(path: Path) -> dict[str, float]:
     """The constants that a tissue.toml gives, by their names in `CONSTANT_NAMES`.
 
@@ -68,28 +78,21 @@ def read_tissue_file(path: Path) -> dict[str, float]:
         InputError: a missing or unreadable file, an unknown key, or a value that is not a number or not allowed.
     """
     table = read_toml(path, "give a file that `calibrate` wrote")
-    refuse_unknown(path, table, ["tissue", "layers", RIBS], "")
-    if RIBS in table:
-        table[RIBS] = with_present_keys(table[RIBS], FORMER_RIBS)
-    layers = converted(path, table.pop("layers", {}), dict[str, Any], "layers")
-    refuse_unknown(path, layers, list(NAMES), "layers.")
-    found = {}
-    for name, values in (*table.items(), *((f"layers.{name}", values) for name, values in layers.items())):
-        checked = converted(path, values, RibCoupling if name == RIBS else Tissue, name)
-        prefix = f"{name}.".removeprefix("tissue.").removeprefix("layers.")
-        found |= {f"{prefix}{constant}": float(getattr(checked, constant)) for constant in values}
-    return found
+    file = as_record(table, _TissueFile, path)
+    of_layers = file.layers.constants
+    return (
+        file.tissue.given
+        | {f"{layer}.{name}": value for layer, given in of_layers.items() for name, value in given.items()}
+        | {f"{RIBS}.{name}": getattr(file.ribs, name) for name in table.get(RIBS, ())}
+    )
 
 
 def write_tissue_file(path: Path, constants: Mapping[str, float], remarks: Sequence[str] = ()) -> None:
     """Write constants under lines of remarks, so that `read_tissue_file` reads them back to the last bit."""
     tables: dict[str, dict[str, float]] = {}
-    for name in CONSTANT_NAMES:
-        if name in constants:
-            of, _, constant = name.rpartition(".")
-            table = "tissue" if not of else RIBS if of == RIBS else f"layers.{of}"
-            tables.setdefault(table, {})[constant] = constants[name]
-    lines = [f"# {remark}" for remark in remarks]
-    for table, values in tables.items():
-        lines += table_lines(table, values)
-    write_whole(path, "\n".join(lines) + "\n")
+    for name in sorted(constants, key=CONSTANT_NAMES.index):
+        of, _, constant = name.rpartition(".")
+        tables.setdefault(of, {})[constant] = constants[name]
+    layers = {name: tables[name] for name in NAMES if name in tables}
+    record = {"tissue": tables.get("", {}), "layers": layers, RIBS: tables.get(RIBS, {})}
+    write_whole(path, toml_text(record, remarks))

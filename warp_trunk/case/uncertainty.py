@@ -1,24 +1,30 @@
-"""How uncertain what the clinic gives and what the model assumes is: one standard deviation of each source."""
+"""How uncertain what the clinic gives and what the model assumes is, and which parts of a case are invented."""
 
 from __future__ import annotations
 
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
+from typing import Annotated
 
-from warp_trunk.errors import check_ranges
+import numpy as np
+from msgspec import Meta
+
 from warp_trunk.io.atomic_write import write_whole
-from warp_trunk.io.file_access import read_text
+from warp_trunk.io.file_access import check_within, read_text
+from warp_trunk.io.records import check_fields, toml_table
 
-from .keys import toml_table
+from .layers import read_numbers
 
 MOST = 1000.0
 """No uncertainty is larger, in mm, degrees or as a factor."""
 FACTORS = ("epsilon", "theta", "youngs_modulus", "skin_rigidity")
 """Constants that are uncertain by a factor: a standard deviation multiplies or divides by it."""
+_Deviation = Annotated[float, Meta(ge=0.0, le=MOST)]
+_Factor = Annotated[float, Meta(ge=1.0, le=MOST)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,39 +34,38 @@ class Uncertainty:
     0 leaves a source out, 1 a source that is a factor. `REFERENCES` says where the defaults come from.
     """
 
-    landmark_error: float = 2.1
+    landmark_error: _Deviation = 2.1
     """Mean length of the error of a landmark, in any direction [mm]."""
-    landmark_error_sd: float = 1.5
+    landmark_error_sd: _Deviation = 1.5
     """Standard deviation of that length [mm]."""
-    cobb: float = 5.0
+    cobb: _Deviation = 5.0
     """How far the Cobb angle of a corrected curve ends from the plan [degrees]."""
-    rotation: float = 4.0
+    rotation: _Deviation = 4.0
     """How far the apex of a corrected curve ends turned from the plan [degrees]."""
-    ribs: float = 0.5
+    ribs: _Deviation = 0.5
     """Part of the difference between bones that bend with the spline of the landmarks and ribs that follow."""
-    epsilon: float = 3.0
+    epsilon: _Factor = 3.0
     """Factor of the stiffness of faces in itmsm."""
-    theta: float = 3.0
+    theta: _Factor = 3.0
     """Factor of the stiffness of tetrahedra in itmsm."""
-    poisson_ratio: float = 0.1
+    poisson_ratio: _Deviation = 0.1
     """Of Poisson's ratio of a continuum."""
-    youngs_modulus: float = 1.6
+    youngs_modulus: _Factor = 1.6
     """Factor of the Young's modulus of each layer by itself."""
-    skin_rigidity: float = 2.0
+    skin_rigidity: _Factor = 2.0
     """Factor of the flexural rigidity of the skin, where it resists bending."""
-    skin_thickness: float = 0.5
+    skin_thickness: _Deviation = 0.5
     """Of the thickness of the skin, if layers are given by depth [mm]."""
-    fat_thickness: float = 2.0
+    fat_thickness: _Deviation = 2.0
     """Of the thickness of the fat under it, likewise [mm]."""
-    mesh_rotation: float = 0.2
+    mesh_rotation: _Deviation = 0.2
     """Error of a back surface rotation by the mesh [degrees]."""
-    mesh_length: float = 0.5
+    mesh_length: _Deviation = 0.5
     """Error of a hump, a shoulder or a place of the skin by the mesh [mm]."""
 
     def __post_init__(self) -> None:
         """Raises InputError for a deviation below 0, where a source is certain, or a factor below 1."""
-        limits = {one.name: (float(one.name in FACTORS), MOST) for one in fields(self)}
-        check_ranges(self, "uncertainty", "", **limits)
+        check_fields(self, "uncertainty")
 
     @property
     def landmark_sd(self) -> float:
@@ -127,3 +132,61 @@ REFERENCES: Mapping[str, str] = MappingProxyType(
     }
 )
 """Where the default of each source comes from."""
+
+
+INVENTED_SKIN = "invented_skin.txt"
+"""1 for each vertex of the skin that was not measured, else 0."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Invented:
+    """The table [invented] of case.toml: the parts that a case fitted to a part of a trunk invents; standard
+    deviations of each.
+
+    `fit-back` writes it. The deviations of ribs, pelvis and front are those of bodies whose whole trunk is known,
+    see docs/from_a_back_scan.md.
+    """
+
+    source: str = "a scan of the back"
+    """The data from which the case was fitted, as the report names it."""
+    body: str = ""
+    """The body that was fitted."""
+    share: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
+    """Share of the area of the skin that was not measured."""
+    front: _Deviation = 20.0
+    """Of the skin that was not measured, along its normal [mm]."""
+    ribs: _Deviation = 25.0
+    """Of a rib [mm]."""
+    pelvis: _Deviation = 1.3
+    """Of the turn of the pelvis, by markers that are off by 2 mm [degrees]."""
+    vertebral_turn: _Deviation = 6.0
+    """Of the turn of a vertebra against the pelvis [degrees]."""
+    rotation: _Deviation = 1.0
+    """Of a predicted rotation of the back, by ribs, pelvis and front together [degrees]."""
+    length: _Deviation = 14.0
+    """Of a predicted hump or shoulder, likewise [mm]."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for a number that is none of a standard deviation."""
+        check_fields(self, "invented")
+
+
+def read_invented_skin(folder: Path, vertices: int) -> np.ndarray | None:
+    """Which vertices of the skin of a case were not measured, bool, shape (vertices,); None without the file.
+
+    Raises:
+        InputError: a file that has not one number for each vertex.
+    """
+    path = folder / INVENTED_SKIN
+    if not (path.exists() or path.is_symlink()):
+        return None
+    check_within(folder, path)
+    return read_numbers(path, vertices) > 0.5
+
+
+def write_invented_skin(folder: Path, unseen: np.ndarray | None) -> None:
+    """Write which vertices were not measured, or remove the file where that is not known."""
+    if unseen is None:
+        (folder / INVENTED_SKIN).unlink(missing_ok=True)
+    else:
+        write_whole(folder / INVENTED_SKIN, "".join(f"{int(one)}\n" for one in unseen))

@@ -12,9 +12,9 @@ from tyro.conf import Positional, Suppress, UseAppendAction
 from warp_trunk.bone_motion.plan import read_plan
 from warp_trunk.bone_motion.plan.plan_file import plan_files
 from warp_trunk.case import read_checked_case
+from warp_trunk.case.layers import Constants
 from warp_trunk.case.tissue_file import read_tissue_file
 from warp_trunk.engine.simulation import SimulationOptions
-from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.io.folders import seen_from_here
 from warp_trunk.io.surface_files import write_surface
@@ -32,30 +32,6 @@ from .output import NOT_CONVERGED, OK, next_command
 
 COMMON = frozenset({"bands", "device", "from_mesh", "gravity", "increments", "layers", "live", "tets", "threads"})
 """The simulation options that `--help` shows."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Constants:
-    """Constants of the soft tissue that the command gives."""
-
-    epsilon: float | None = None
-    """Stiffness of faces against edges, k_A / k_D of eq. 4.6; 0 leaves the area term out."""
-    theta: float | None = None
-    """Stiffness of tetrahedra against edges, k_V / k_D of eq. 4.6; 0 leaves the volume term out."""
-    density: float | None = None
-    """Mass per volume [kg/m^3], eq. 4.15; used only with gravity."""
-    youngs_modulus: float | None = None
-    """Stiffness of the tissue as a continuum [kPa]; it matters beside other tissues, and with gravity."""
-    poisson_ratio: float | None = None
-    """Poisson's ratio of the neo-Hookean energy, from 0 to 0.499; 0.5 would keep every volume."""
-
-    def __post_init__(self) -> None:
-        Tissue(**self.given)  # refuses what no tissue has
-
-    @property
-    def given(self) -> dict[str, float]:
-        """Those that are given, by name."""
-        return {name: value for name, value in vars(self).items() if value is not None}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -127,7 +127,7 @@ class FindLandmarks:
                 case = folder.parent if folder.name == "bones" else self.bones
                 header = read_header(case / HEADER)
                 bones = read_bones(folder, lambda path: header.surface(path)[0])
-                axes, size = header.axes, MILLIMETRES[header.units]
+                axes, size = header.frame, MILLIMETRES[header.units]
                 check_bones(bones, str(self.bones), axes.code)
             with progress.stage("find", "finding landmarks"):
                 found = find_landmarks(bones)
@@ -238,7 +238,7 @@ class Cut:
         x, y, z, a, b, c = self.plane
         plane = CutPlane((x / size, y / size, z / size), (a, b, c), self.radius / size)
         surface, space = read_stated(file)
-        if header.axes.code == "LPS" and space is not None:  # the header holds, and the plane is in LPS
+        if header.axes == "LPS" and space is not None:  # the header holds, and the plane is in LPS
             surface, space = in_lps(surface, space), "LPS"
         parts = cut_bone(surface, plane, str(file))
         if len(parts) != len(self.names) or len(set(self.names)) < len(self.names):

@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import msgspec
-
 from warp_trunk.case import read_checked_case
 from warp_trunk.case.fingerprint import Fingerprint, difference, fingerprint_of
 from warp_trunk.engine.parallel import choose_device, choose_threads
@@ -17,6 +15,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.spline import fit_spline
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import json_text, write_whole
+from warp_trunk.io.records import read_json
 from warp_trunk.io.result_files import MEASURES, PREDICTED_SKIN
 from warp_trunk.measures import measure
 from warp_trunk.measures.part import agreement
@@ -233,6 +232,6 @@ def write_judged(folder: Path, judged: Judged) -> None:
 def read_judged(folder: Path) -> Judged | None:
     """The record of a result folder; None where there is none that can be read: the case is then done again."""
     try:
-        return msgspec.json.decode((folder / JUDGED).read_bytes(), type=Judged)
-    except (OSError, msgspec.MsgspecError, RecursionError):
+        return read_json(folder / JUDGED, Judged, "a judged case was expected", "is damaged", "judge it again")
+    except InputError:
         return None

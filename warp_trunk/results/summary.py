@@ -16,12 +16,12 @@ import msgspec
 import numpy as np
 
 from warp_trunk.case.folders import other_kind
-from warp_trunk.case.invented import Invented
+from warp_trunk.case.uncertainty import Invented
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.tissue import Tissue
-from warp_trunk.errors import InputError, as_path
+from warp_trunk.errors import as_path
 from warp_trunk.io.atomic_write import json_text
-from warp_trunk.io.file_access import read_text
+from warp_trunk.io.records import read_json
 from warp_trunk.io.result_files import SUMMARY
 from warp_trunk.measures import CobbAngle
 from warp_trunk.measures.part import FollowedPoint
@@ -201,11 +201,8 @@ def read_summary(folder: str | Path) -> Summary:
     path, expected = folder / SUMMARY, "give a folder that `simulate` wrote"
     if not path.exists():
         expected = other_kind(folder, "result") or expected
-    try:
-        return msgspec.json.decode(read_text(path, expected), type=Summary)
-    except (msgspec.DecodeError, RecursionError) as error:
-        why = "was changed by hand or written by another version of the program"
-        raise InputError(f"{path}: {why}: {error}; simulate the case again") from error
+    fault = "was changed by hand or written by another version of the program"
+    return read_json(path, Summary, expected, fault, "simulate the case again")
 
 
 def _plain(value: object) -> object:

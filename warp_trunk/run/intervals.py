@@ -38,7 +38,7 @@ from .sources import ErrorSource, sources_of
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
-    from warp_trunk.case.invented import Invented
+    from warp_trunk.case.uncertainty import Invented
     from warp_trunk.measures.derivatives import Derivative
 
     from .prediction import Prediction

@@ -12,8 +12,8 @@ from warp_trunk.errors import InputError
 from warp_trunk.measures import cobb_angles
 
 if TYPE_CHECKING:
+    from warp_trunk.case.case import Pose
     from warp_trunk.case.landmarks import Landmarks
-    from warp_trunk.case.study import Pose
     from warp_trunk.engine.relaxation import Relaxation
     from warp_trunk.engine.tissue import Tissue
 

@@ -9,7 +9,7 @@ import pytest
 from support.cohort_cases import turned_case
 from support.small_case import small_case
 from warp_trunk.case import write_case
-from warp_trunk.case.study import Study
+from warp_trunk.case.case import Study
 from warp_trunk.case.tissue_file import read_tissue_file
 from warp_trunk.cohort.calibration.calibrate import Calibration, Found, HeldOut, prior_of
 from warp_trunk.cohort.calibration.free_constants import FreeConstant

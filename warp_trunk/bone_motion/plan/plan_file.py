@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 from warp_trunk.case import write_case
 from warp_trunk.case.case_writer import begin_case
 from warp_trunk.case.folders import is_case, refuse_case
-from warp_trunk.case.keys import refuse_unknown, toml, toml_table
 from warp_trunk.errors import InputError, as_path, expect
 from warp_trunk.io.atomic_write import json_text, write_whole
 from warp_trunk.io.file_access import number, read_text
+from warp_trunk.io.records import as_record, toml_table, toml_text
 from warp_trunk.io.result_files import MOST_PLAN, PLAN
 
 from .record import CurvePlan, Plan
@@ -44,23 +44,7 @@ def read_plan(path: str | Path) -> Plan:
 
 def plan_of_text(text: str, path: Path) -> Plan:
     """The plan of a text in TOML; errors name the path, see `read_plan`."""
-    table = toml_table(text, path)
-    curves = table.pop("curve", [])
-    if not (isinstance(curves, list) and all(isinstance(curve, dict) for curve in curves)):
-        raise InputError(f"{path}: 'curve' must be tables, [[curve]] before each; correct it")
-    try:
-        refuse_unknown(path, table, [*_keys(Plan), "curve"], "")
-        return Plan(**table, curves=tuple(_curve(path, curve) for curve in curves))
-    except InputError as error:
-        said = str(error)
-        raise InputError(said if said.startswith(str(path)) else f"{path}: {said}") from None
-
-
-def _curve(path: Path, table: dict[str, Any]) -> CurvePlan:
-    refuse_unknown(path, table, _keys(CurvePlan), "curve.")
-    if "apex" not in table:
-        raise InputError("a curve has no 'apex'; name its apical vertebra")
-    return CurvePlan(**table)
+    return as_record(toml_table(text, path), Plan, path)
 
 
 def curve_of_text(text: str) -> CurvePlan:
@@ -79,22 +63,13 @@ def curve_of_text(text: str) -> CurvePlan:
             raise InputError(
                 f"--curve {text}: '{part}' must be a name, = and a number, as correction=0.65"
             ) from None
-    return _curve(Path("--curve"), table)
-
-
-def _keys(record: type) -> list[str]:
-    """Names of the fields that are written as keys."""
-    return [field.name for field in dataclasses.fields(record) if field.name != "curves"]
+    return as_record(table, CurvePlan, f"--curve {text}")
 
 
 def plan_text(plan: Plan) -> str:
     """The text of a plan.toml that `read_plan` reads back to the last bit."""
-    tables = [("", {name: getattr(plan, name) for name in _keys(Plan)})]
-    tables += [("\n[[curve]]\n", dataclasses.asdict(curve)) for curve in plan.curves]
-    return "".join(
-        head + "".join(f"{key} = {toml(value)}\n" for key, value in table.items() if value is not None)
-        for head, table in tables
-    )
+    record = dataclasses.asdict(plan)
+    return toml_text(record | {"curve": record.pop("curves")})
 
 
 def write_plan(path: str | Path, plan: Plan) -> None:

@@ -3,27 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
-from typing import Literal
+from typing import Annotated, ClassVar, Literal
+
+from msgspec import Meta
 
 from warp_trunk.case.anatomy import VERTEBRAE, rank, region
 from warp_trunk.errors import InputError, expect
 from warp_trunk.io.file_access import number
+from warp_trunk.io.records import check_fields
 
-_RANGES = {
-    "correction": (0.0, 1.0, ""),
-    "cobb_after": (-30.0, 120.0, "degrees"),
-    "derotation": (0.0, 1.0, ""),
-    "rotation_after": (-30.0, 60.0, "degrees"),
-    "kyphosis_T5_T12": (0.0, 90.0, "degrees"),
-    "lordosis_L1_L5": (0.0, 90.0, "degrees"),
-    "spontaneous": (0.0, 1.0, ""),
-    "sva_after": (-150.0, 150.0, "mm"),
-}
 _CURVES = 'give a list such as [wt.CurvePlan("T8", correction=0.65)]'
-_CHOICES = {"unfused": ("follow", "fixed"), "balance": ("keep", "centre")}
 
 
 @dataclass(frozen=True)
@@ -37,13 +28,13 @@ class CurvePlan:
     apex: str
     """A vertebra of the curve, whose rotation `derotation` and `rotation_after` are of; as a rule its apex."""
     _: KW_ONLY
-    correction: float | None = None
+    correction: Annotated[float, Meta(ge=0.0, le=1.0)] | None = None
     """Share of the Cobb angle that surgery takes away, 0 to 1."""
-    cobb_after: float | None = None
+    cobb_after: Annotated[float, Meta(ge=-30.0, le=120.0)] | None = None
     """Or the Cobb angle after, between the end vertebrae before [degrees]; negative bends the other way."""
-    derotation: float | None = None
+    derotation: Annotated[float, Meta(ge=0.0, le=1.0)] | None = None
     """Share of the apex' axial rotation that surgery takes away, 0 to 1."""
-    rotation_after: float | None = None
+    rotation_after: Annotated[float, Meta(ge=-30.0, le=60.0)] | None = None
     """Or that rotation after [degrees], to the side it has before; negative turns to the other side."""
 
     def __post_init__(self) -> None:
@@ -52,7 +43,7 @@ class CurvePlan:
         for share, after in (("correction", "cobb_after"), ("derotation", "rotation_after")):
             if getattr(self, share) is not None and getattr(self, after) is not None:
                 raise InputError(f"curve {self.apex}: '{share}' and '{after}' say the same; give one of them")
-        _check_ranges(self, f"curve {self.apex}")
+        check_fields(self, f"curve {self.apex}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,19 +63,20 @@ class Plan:
     """Lower instrumented vertebra, the lowest that is fused."""
     curves: Sequence[CurvePlan] = ()
     """The targets of each curve; curves that are not listed have none."""
-    kyphosis_T5_T12: float | None = None  # noqa: N815 - the clinic's name
+    kyphosis_T5_T12: Annotated[float, Meta(ge=0.0, le=90.0)] | None = None  # noqa: N815 - the clinic's name
     """Thoracic kyphosis after [degrees], seen from the side; kept when left out."""
-    lordosis_L1_L5: float | None = None  # noqa: N815
+    lordosis_L1_L5: Annotated[float, Meta(ge=0.0, le=90.0)] | None = None  # noqa: N815
     """Lumbar lordosis after [degrees], seen from the side; kept when left out."""
     unfused: Literal["follow", "fixed"] = "follow"
     """Segments outside the fusion: they follow with least motion, or keep their rotation."""
-    spontaneous: float | None = None
+    spontaneous: Annotated[float, Meta(ge=0.0, le=1.0)] | None = None
     """Share of a curve outside the fusion that corrects by itself, 0 to 1; never more than the planned curves
     are corrected. What bent out on films of side bending when left out, without films a half."""
     balance: Literal["keep", "centre"] = "keep"
     """Where T1 stands in the coronal plane: as far beside the sacrum as before, or over it."""
-    sva_after: float | None = None
+    sva_after: Annotated[float, Meta(ge=-150.0, le=150.0)] | None = None
     """How far T1 stands in front of the sacrum after [mm]; as far as before when left out."""
+    other_keys: ClassVar[Mapping[str, str]] = {"curve": "curves"}  # plan.toml has a table [[curve]] for each
 
     def __post_init__(self) -> None:
         """Raises InputError for levels that are none, a value out of range, or two curves of one apex."""
@@ -102,10 +94,7 @@ class Plan:
             raise InputError(
                 f"plan: 'uiv' must lie above 'liv', but {self.uiv} is not above {self.liv}; change them"
             )
-        _check_ranges(self, "plan")
-        for name, allowed in _CHOICES.items():
-            if getattr(self, name) not in allowed:
-                raise InputError(f"plan: '{name}' must be {' or '.join(allowed)}, not {getattr(self, name)!r}")
+        check_fields(self, "plan")
         apices = [curve.apex for curve in self.curves]
         twice = [apex for apex in apices if apices.count(apex) > 1]
         if twice:
@@ -114,7 +103,7 @@ class Plan:
     @property
     def moves(self) -> bool:
         """Whether anything is asked for; without a target nothing moves."""
-        asked = [value for curve in self.curves for value in list(dataclasses.asdict(curve).values())[1:]]
+        asked = [value for curve in self.curves for value in dataclasses.astuple(curve)[1:]]
         asked += [self.kyphosis_T5_T12, self.lordosis_L1_L5, self.sva_after]
         return self.balance == "centre" or any(value is not None for value in asked)
 
@@ -155,21 +144,6 @@ def plan_words(plan: Plan) -> str:
 def _check_level(level: object, what: str) -> None:
     if not (isinstance(level, str) and region(level)):
         raise InputError(f"{what} must be a vertebra such as T4 or L1, not {level!r}; correct it")
-
-
-def _check_ranges(record: CurvePlan | Plan, where: str) -> None:
-    for name, (low, high, unit) in _RANGES.items():
-        value = getattr(record, name, None)
-        if value is None:
-            continue
-        number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-        if not number or not low <= value <= high:
-            cure = f"; the nearest is {min(max(value, low), high):g}" if number else ""
-            if number and high == 1.0 and 1.0 < value <= 100.0:  # a share
-                cure = f"; for {value:g} % write {value / 100.0:g}"
-            raise InputError(
-                f"{where}: '{name}' must be {low:g} to {high:g} {unit}".rstrip() + f", not {value}{cure}"
-            )
 
 
 TARGETS = ("correction", "derotation")

@@ -11,9 +11,9 @@ from uuid import uuid4
 import numpy as np
 
 from warp_trunk.case import read_checked_case
+from warp_trunk.case.case import Study
 from warp_trunk.case.layers import NAMES
 from warp_trunk.case.rib_coupling import LIMITS
-from warp_trunk.case.study import Study
 from warp_trunk.case.tissue_file import RIBS, constant_of, with_constants
 from warp_trunk.engine.constants import Constant
 from warp_trunk.engine.linearization import Linearization

@@ -6,12 +6,12 @@ What it would take for something else without a word is refused here first.
 from __future__ import annotations
 
 import io
-import json
 import re
 import struct
 import warnings
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from warp_trunk.geometry.colours import from_linear, mean_colours
@@ -95,10 +95,7 @@ def _scene(content: bytes) -> dict[str, Any]:
     if content[:4] != b"glTF" or len(content) < 20:
         raise ValueError("it does not begin as a GLB")
     length = struct.unpack_from("<I", content, 12)[0]
-    scene = json.loads(content[20 : 20 + length])
-    if not isinstance(scene, dict):
-        raise ValueError("it holds no scene")
-    return scene
+    return msgspec.json.decode(content[20 : 20 + length], type=dict[str, Any])
 
 
 def check_scene(scene: dict[str, Any], size: int) -> None:

@@ -8,8 +8,8 @@ import numpy as np
 
 from warp_trunk.case import Case
 from warp_trunk.case.anatomy import PELVIC_RING, VERTEBRAE
-from warp_trunk.case.invented import Invented
 from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.case.uncertainty import Invented
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.colours import coloured_from_points
 from warp_trunk.geometry.distance_field import SurfaceDistance

@@ -12,7 +12,7 @@ import numpy as np
 
 from warp_trunk.case import Case
 from warp_trunk.case.anatomy import VERTEBRAE, of_trunk, rib_of
-from warp_trunk.case.header import POSTURES
+from warp_trunk.case.case import POSTURES
 from warp_trunk.case.landmarks import ASIS, NO_LANDMARKS
 from warp_trunk.case.layers import Layers
 from warp_trunk.case.orientation import misplaced

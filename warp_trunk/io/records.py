@@ -1,0 +1,180 @@
+"""Records in files of TOML and JSON: one strict reader, one writer of TOML, and one line for what does not fit."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+
+import msgspec
+
+from warp_trunk.errors import InputError, check_choices, check_ranges, nearest, within
+
+from .file_access import read_text
+
+Record = TypeVar("Record")
+_MOST = 1_000_000
+"""No file of TOML is longer than this [bytes]."""
+_IN_WORDS = {
+    "object": "a table", "array": "a list", "float": "a number", "int": "a whole number", "str": "a text",
+    "bool": "true or false", "null": "null",
+}  # fmt: skip
+"""msgspec's names of types, as messages have them."""
+
+
+def read_toml(path: Path, expected: str) -> dict[str, Any]:
+    """The table of a TOML file; InputError, with what was expected, for a file that is missing or unreadable."""
+    return toml_table(read_text(path, expected, _MOST), path)
+
+
+def toml_table(text: str, path: Path) -> dict[str, Any]:
+    """The table of a text in TOML; InputError, with the path that it is of, where it cannot be read."""
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: cannot be read as TOML ({error}); correct it there") from error
+
+
+def as_record(table: dict[str, Any], kind: type[Record], where: Path | str) -> Record:
+    """A table as a dataclass or a Struct, whose fields are the keys and whose types say what each may be.
+
+    Its `other_keys` are further keys of its fields, which are renamed in the table.
+
+    Args:
+        table: of plain values.
+        kind: the class of the record.
+        where: the file, or the option of the command line, with which a message begins.
+
+    Raises:
+        InputError: an unknown key, a value of another type or out of its bounds, or one that the record refuses.
+    """
+    _check_keys(table, msgspec.inspect.type_info(kind), where, "")
+    try:
+        return msgspec.convert(table, kind)
+    except msgspec.ValidationError as error:
+        raise InputError(f"{where}: {_fault(error, table)}") from error
+
+
+def read_json(path: Path, kind: type[Record], expected: str, fault: str, cure: str) -> Record:
+    """The record of a JSON file, whose further keys are passed over.
+
+    Raises:
+        InputError: a missing file, with what was `expected`, or one that is none, with its `fault` and the `cure`.
+    """
+    try:
+        return msgspec.json.decode(read_text(path, expected), type=kind)
+    except (msgspec.DecodeError, RecursionError) as error:
+        raise InputError(f"{path}: {fault} ({error}); {cure}") from error
+
+
+@cache
+def bounds_of(kind: type) -> dict[str, tuple[float, float]]:
+    """Least and most value of the fields of a dataclass that have them: `Annotated[float, Meta(ge=, le=)]`."""
+    return {
+        name: (meta.ge, meta.le)
+        for name, hint in get_type_hints(kind, include_extras=True).items()
+        for part in (hint, *get_args(hint))
+        for meta in getattr(part, "__metadata__", ())
+    }
+
+
+def check_fields(record: object, what: str) -> None:
+    """InputError, which begins with `what`, for a field of a dataclass out of its bounds or its choices.
+
+    For records that are made in Python, too; those of a file are checked by `as_record` before.
+    """
+    check_ranges(record, what, **bounds_of(type(record)))
+    hints = get_type_hints(type(record)).items()
+    check_choices(record, what, **{name: get_args(hint) for name, hint in hints if get_origin(hint) is Literal})
+
+
+def _check_keys(value: Any, kind: Any, where: Path | str, prefix: str) -> None:
+    """InputError for an unknown key at any depth and for a word that is not known, each with the nearest."""
+    for one in getattr(kind, "types", (kind,)):
+        if isinstance(one, msgspec.inspect.LiteralType) and isinstance(value, str) and value not in one.values:
+            hint = nearest(value, one.values)
+            raise InputError(f"{where}: '{prefix}' must be {' or '.join(one.values)}, not {value!r}{hint}")
+        if isinstance(value, list) and hasattr(one, "item_type"):
+            for row in value:
+                _check_keys(row, one.item_type, where, prefix)
+        known = {field.encode_name: field.type for field in getattr(one, "fields", ())}
+        if not known or not isinstance(value, dict):
+            continue
+        for other, name in getattr(one.cls, "other_keys", {}).items():
+            if other in value and name not in value:
+                value[name] = value.pop(other)
+        start = f"{prefix}." if prefix else ""
+        for key, inner in value.items():
+            if key not in known:
+                hint = nearest(key, known).replace("mean '", f"mean '{start}")
+                keys = ", ".join(start + name for name in known)
+                raise InputError(f"{where}: unknown key '{start}{key}'{hint}; the keys are {keys}")
+            _check_keys(inner, known[key], where, start + key)
+
+
+def _fault(error: msgspec.ValidationError, table: Any) -> str:
+    """The key, the rule and the value found; what a record itself refuses is said in its own words."""
+    if isinstance(error.__cause__, InputError):
+        return str(error.__cause__)
+    rule, _, place = str(error).removesuffix("`").partition(" - at `$")
+    place = place.removeprefix(".")
+    name = f"'{place}' " if place else ""
+    value = table
+    for key in re.findall(r"[^.\[\]]+", place):
+        value = value[int(key)] if isinstance(value, list) else value.get(key) if isinstance(value, dict) else None
+    if lacking := re.search("missing required field `(.*)`", rule):
+        return f"{name}lacks '{lacking[1]}'; add it"
+    if not rule.startswith("Expected"):
+        return f"{name}has the fault: {rule}; correct it"
+    wanted = rule.removeprefix("Expected ").partition(", got")[0].replace("`", "").replace(" | null", "")
+    wanted = re.sub(r"[a-z]+", lambda word: _IN_WORDS.get(word[0], word[0]), wanted.replace(" | ", " or "))
+    bound = re.search(r"[<>]= (\S+)$", wanted)
+    cure = within(value, float(bound[1])) if bound and not math.isnan(value) else "; correct it"
+    return f"{name}must be {wanted}, not {shown(value)}{cure}"
+
+
+def shown(value: object) -> str:
+    """A value as messages show it."""
+    return f"{value[:40]!r}" if isinstance(value, str) else f"{value}"[:60]
+
+
+def toml_text(record: Mapping[str, Any], remarks: Sequence[str] = ()) -> str:
+    """The text of a TOML file under lines of remarks: values first, then tables, whose own tables are inline.
+
+    Numbers come back to the last bit; what is None or empty is left out.
+    """
+    lines, tables = [f"# {remark}" for remark in remarks], []
+    for key, value in record.items():
+        if isinstance(value, Mapping):
+            tables += [(f"[{_key(key)}]", value)] if value else []
+        elif isinstance(value, list | tuple) and value and isinstance(value[0], Mapping):
+            tables += [(f"[[{_key(key)}]]", table) for table in value]
+        elif value is not None and value != ():
+            lines.append(f"{_key(key)} = {_toml(value)}")
+    for head, table in tables:
+        lines += [
+            "",
+            head,
+            *(f"{_key(key)} = {_toml(value)}" for key, value in table.items() if value is not None),
+        ]
+    return "\n".join(lines).lstrip("\n") + "\n" if lines else ""
+
+
+def _key(key: str) -> str:
+    return key if re.fullmatch(r"[\w-]+", key, re.ASCII) else _toml(key)
+
+
+def _toml(value: Any) -> str:
+    """The TOML text of a value; JSON's escapes are TOML's, except for DEL."""
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{_key(key)} = {_toml(item)}" for key, item in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_toml, value))}]"
+    return str(value).lower() if isinstance(value, bool) else repr(float(value))
