@@ -1,4 +1,4 @@
-"""The apical vertebra of curves that are known: its rotation, its translation and its neutral vertebrae."""
+"""Axial rotation of vertebrae turned by known angles, and the apical vertebra of curves that are known."""
 
 import math
 
@@ -7,8 +7,10 @@ import pytest
 
 from support.known_spine import BODY, DISC, LEVELS, known_spine
 from support.there import there
-from support.trunk_shapes import ellipse, tube, with_points
+from support.trunk_shapes import LEFT, ellipse, rotation, spine, tube, with_points
 from warp_trunk.measures import curves_after, measure
+from warp_trunk.measures.apical import axial_rotation
+from warp_trunk.measures.spine import spine_of
 
 THORACIC = {"T1": 0.0, "T4": 30.0, "T12": -30.0, "L3": 0.0, "L5": 0.0}
 TURNED = {"T1": 0.0, "T4": -1.0, "T8": 20.0, "L1": 1.0, "L3": -6.0, "L5": 0.0}
@@ -70,3 +72,27 @@ def test_curve_is_followed_between_the_end_vertebrae_it_had():
     assert curves_after(curves, after)[number] == pytest.approx(20.0, abs=1e-9)
     beyond = known_spine(to_left={"T4": -3.0, "T12": 4.0})
     assert curves_after(curves, beyond)[number] == pytest.approx(-7.0, abs=1e-9)
+
+
+def pedicles(level, degrees, tilt=0.0, centre=(5.0, 40.0, 200.0)):
+    """Pedicles 30 mm apart, turned clockwise seen from above, in a vertebra that leans to the left."""
+    c, s = math.cos(math.radians(tilt)), math.sin(math.radians(tilt))
+    lean = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    turn = np.eye(3)
+    turn[:2, :2] = rotation(-degrees)
+    return {
+        f"{level}_{side}_pedicle_{end}": np.array(centre) + lean @ turn @ np.array([x, 8.0, z])
+        for side, x in (("left", 15.0), ("right", -15.0))
+        for end, z in (("superior", 5.0), ("inferior", -5.0))
+    }
+
+
+@pytest.mark.parametrize("degrees", [0.0, 17.0, -23.0, 60.0])
+def test_vertebra_turned_by_an_angle_has_it(degrees):
+    turned = spine_of(with_points(spine({}), pedicles("T8", degrees)))
+    assert axial_rotation(turned, LEFT)["T8"] == pytest.approx(degrees, abs=1e-9)
+
+
+def test_leaning_aside_is_no_rotation():
+    leaning = spine_of(with_points(spine({}), pedicles("T8", 0.0, tilt=35.0)))
+    assert axial_rotation(leaning, LEFT)["T8"] == pytest.approx(0.0, abs=1e-9)
