@@ -23,15 +23,15 @@ from typing import Any, Literal
 import numpy as np
 import tyro
 from synthetic_patient import curve_of, draw
+from trunks import read_trunk, trunks_in
 
-from warp_trunk import InputError, RunOptions, SpineCurve, make_case, read_surface
+from warp_trunk import InputError, RunOptions, SpineCurve, make_case
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_surgery
 from warp_trunk.bone_motion.rib_cage import ends
 from warp_trunk.case import Case
 from warp_trunk.engine.parallel import choose_threads
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.simulation import SimulationOptions
-from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.measures.cobb import curves_after, vertebral_tilt
 from warp_trunk.measures.skin_quality import skin_quality
@@ -172,7 +172,7 @@ class Outcome:
 
 def main(options: Options) -> None:
     """Prints the table."""
-    folders = [options.anatomy, *sorted(path for path in options.bodies.iterdir() if (path / "bones").is_dir())]
+    folders = [options.anatomy, *trunks_in(options.bodies)]
     if options.patients:
         _cohort(folders, options)
     else:
@@ -316,13 +316,9 @@ def _print_cohort(found: Sequence[Outcome]) -> None:
 def operated(patient: PreparedPatient, plan: Plan, known: Case | None = None) -> Outcome:
     """One surgery simulated and measured; the bones after it are those of `known`, where that is given."""
     landmarks = patient.case.landmarks_before
-    if known is None:
-        after_surgery = plan_surgery(patient.case, plan).landmarks_after
-        case = dataclasses.replace(patient.case, landmarks_after=after_surgery)
-    else:
-        case = dataclasses.replace(
-            patient.case, landmarks_after=known.landmarks_before, bones_after=dict(known.bones)
-        )
+    planned = known.landmarks_before if known else plan_surgery(patient.case, plan).landmarks_after
+    bones = dict(known.bones) if known else patient.case.bones_after
+    case = dataclasses.replace(patient.case, landmarks_after=planned, bones_after=bones)
     prediction = prepare_plan(patient, case).relax()
     skin, last = prediction.skin, prediction.last
     before, after = measure(case.skin, landmarks), measure(skin, case.planned_landmarks)
@@ -365,16 +361,14 @@ def _rib_vertebra_angles(case: Case, apex: str, convex: str) -> tuple[float, flo
         tilts, differences = [], []
         for level in around:
             axis = np.subtract(*spine.endplates[spine.levels.index(level)])
-            angles = {}
+            tilt, angles = math.degrees(math.atan2(axis[0], axis[2])), {}
             for side, sign in (("left", 1.0), ("right", -1.0)):
                 rib = case.bones[name := f"rib_{side}_{int(level[1:]):02d}"]
                 widest = rib.vertices[(sign * rib.vertices[:, 0]).argmax()]
                 line = np.array([ends(rib, case.bones[level])[0], widest])
                 x, _, z = np.subtract(*(motions[name].apply(line) if after else line)[::-1])
-                angles[side] = math.degrees(math.atan2(sign * x, -z)) + sign * math.degrees(
-                    math.atan2(axis[0], axis[2])
-                )
-            tilts.append(math.degrees(math.atan2(axis[0], axis[2])))
+                angles[side] = math.degrees(math.atan2(sign * x, -z)) + sign * tilt
+            tilts.append(tilt)
             differences.append(angles[concave] - angles[convex])
         found.append(float(np.polyfit(tilts, differences, 1)[1]))
     return found[0], found[1]
@@ -389,14 +383,9 @@ def _to_convex(found: Sequence[Outcome]) -> Iterator[tuple[float, float]]:
 def plan_for(kind: Kind, correction: float) -> Plan:
     """The plan for a kind of curve that corrects a part of it."""
     upper, lower, apices = FUSED[kind]
-    return Plan(
-        uiv=upper,
-        liv=lower,
-        curves=tuple(
-            CurvePlan(apex=apex, correction=correction, derotation=min(1.0, DEROTATION * correction))
-            for apex in apices
-        ),
-    )
+    derotation = min(1.0, DEROTATION * correction)
+    curves = tuple(CurvePlan(apex=apex, correction=correction, derotation=derotation) for apex in apices)
+    return Plan(uiv=upper, liv=lower, curves=curves)
 
 
 def _run(options: Options) -> RunOptions:
@@ -407,11 +396,6 @@ def _run(options: Options) -> RunOptions:
         device=options.device,
         threads=0 if options.jobs == 1 else max(1, choose_threads(0) // options.jobs),
     )
-
-
-def read_trunk(folder: Path) -> tuple[Surface, dict[str, Surface]]:
-    bones = {path.stem: read_surface(path) for path in sorted((folder / "bones").glob("*.ply"))}
-    return read_surface(folder / "skin.ply"), bones
 
 
 if __name__ == "__main__":

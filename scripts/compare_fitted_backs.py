@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from trunks import read_trunk
 
 from warp_trunk import Case, CurvePlan, Landmarks, Plan, simulate
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.geometry.distance_field import SurfaceDistance
-from warp_trunk.io.surface_files import read_surface, surface_files
 from warp_trunk.measures import cobb_angles
 from warp_trunk.preparation.back_scan import fit_back
 from warp_trunk.preparation.back_scan.cut import cut_back
@@ -44,9 +44,7 @@ def main() -> None:
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     for name in arguments.names:
-        folder = arguments.bodies / name
-        bones = {bone: read_surface(path) for bone, path in surface_files(folder / "bones").items()}
-        skin = read_surface(folder / "skin.ply")
+        skin, bones = read_trunk(arguments.bodies / name)
         for kind in CURVES:
             file = arguments.out / f"{name}_{kind}.json"
             if not file.exists():
@@ -83,13 +81,10 @@ def rotations(measures: Any) -> list[float]:
 
 def errors_of_invented(whole: Case, fitted: Case) -> dict[str, float]:
     """Root mean square errors of ribs, turn of vertebrae and pelvis, and unseen skin."""
-    ribs = [name for name in whole.bones if name.startswith("rib_")]
-    off = [
-        SurfaceDistance(whole.bones[name]).at(fitted.bones[name].vertices) for name in ribs if name in fitted.bones
-    ]
-    turn = [
-        turn_of(fitted.landmarks_before, level) - turn_of(whole.landmarks_before, level) for level in VERTEBRAE
-    ]
+    ribs = [name for name in whole.bones.keys() & fitted.bones.keys() if name.startswith("rib_")]
+    off = [SurfaceDistance(whole.bones[name]).at(fitted.bones[name].vertices) for name in ribs]
+    before = (fitted.landmarks_before, whole.landmarks_before)
+    turn = [np.subtract(*(turn_of(marks, level) for marks in before)) for level in VERTEBRAE]
     assert fitted.unseen is not None
     low = fitted.skin.vertices[fitted.unseen]
     low = low[low[:, 2] < whole.landmarks_before.point("T1_superior_endplate")[2]]

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import tyro
-from compare_bodies import read_trunk
+from trunks import read_trunk, trunks_in
 
 from warp_trunk import InputError, Landmarks, Surface
 from warp_trunk.case.anatomy import VERTEBRAE
@@ -89,8 +89,7 @@ class Patient:
 
 def main(options: Options) -> None:
     """Prints the tables and draws the figure."""
-    folders = [options.anatomy, *sorted(path for path in options.bodies.iterdir() if (path / "bones").is_dir())]
-    bodies = [read_body(folder) for folder in folders]
+    bodies = [read_body(folder) for folder in (options.anatomy, *trunks_in(options.bodies))]
     found = []
     for folder in sorted(path for path in options.patients.iterdir() if (path / "back.ply").is_file()):
         try:
@@ -161,16 +160,8 @@ def table(found: list[Patient], measure: int) -> str:
     errors = []
     for name, levels in [*((level, (level,)) for level in LEVELS), ("T4 to T7", UPPER)]:
         at = [VERTEBRAE.index(level) for level in levels]
-        way, real, imposed = (
-            np.array([values[at] for values in column]).ravel()
-            for column in (
-                [one.way for one in found],
-                [one.real[measure] for one in found],
-                [one.imposed[measure] for one in found],
-            )
-        )
-        known = np.isfinite(real) & np.isfinite(imposed)
-        way, real, imposed = way[known], real[known], imposed[known]
+        each = np.hstack([np.array([one.way, one.real[measure], one.imposed[measure]])[:, at] for one in found])
+        way, real, imposed = each[:, np.isfinite(each).all(axis=0)]
         floor = np.abs(real - np.polyval(np.polyfit(imposed, real, 1), imposed)).mean()
         error = (np.abs(real - imposed).mean(), floor, np.abs(real).mean())
         if len(levels) == 1:

@@ -20,8 +20,9 @@ from pathlib import Path
 import numpy as np
 import tyro
 from synthetic_patient import COBB, Drawn, curve_of, draw, leaning, part_of, shaped, with_landmark_errors
+from trunks import read_trunk
 
-from warp_trunk import Case, InputError, RunOptions, Surface, make_case, read_surface, simulate, write_case
+from warp_trunk import Case, InputError, RunOptions, Surface, make_case, simulate, write_case
 from warp_trunk.case import check_case
 from warp_trunk.case.case import Pose, Study
 from warp_trunk.case.layers import Layers
@@ -77,10 +78,9 @@ class Options:
 
 def main(options: Options) -> None:
     """Writes the cases and truth.json."""
-    skin = read_surface(options.anatomy / "skin.ply")
+    skin, bones = read_trunk(options.anatomy)
     if options.skin_edge:
         skin = coarsen(skin, options.skin_edge, 0.2 * options.skin_edge)
-    bones = {path.stem: read_surface(path) for path in sorted((options.anatomy / "bones").glob("*.ply"))}
     known = {}
     for number in range(options.first, options.first + options.cases):
         folder = options.out / f"virtual_{number:03d}"

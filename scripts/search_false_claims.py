@@ -157,9 +157,8 @@ def endings(drawn: Draw, trunk: TrunkMesh, moved: np.ndarray) -> Iterator[tuple[
     )
     options = RelaxOptions(tolerance=drawn.tolerance, max_steps=MOST_STEPS)
     if drawn.increments:
-        for increment in simulate(
-            model, PrescribedMotion(moved), SimulationOptions(increments=drawn.increments, relax=options)
-        ):
+        steps = SimulationOptions(increments=drawn.increments, relax=options)
+        for increment in simulate(model, PrescribedMotion(moved), steps):
             yield increment.relaxation, increment.displacement
         return
     relaxer = Relaxer(model, options)

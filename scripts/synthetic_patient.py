@@ -125,17 +125,8 @@ def shaped(surface: Surface, drawn: Drawn) -> Surface:
 
 def curve_of(drawn: Drawn) -> SpineCurve:
     """The curve of a patient."""
-    fields = (
-        "kind",
-        "cobb",
-        "direction",
-        "kyphosis",
-        "secondary_rotation",
-        "upper_share",
-        "lower_share",
-        "t1_offset",
-    )
-    return SpineCurve(apical_rotation=drawn.rotation, **{name: getattr(drawn, name) for name in fields})
+    shared = {one.name for one in dataclasses.fields(SpineCurve)} & vars(drawn).keys()
+    return SpineCurve(apical_rotation=drawn.rotation, **{name: getattr(drawn, name) for name in shared})
 
 
 def leaning(landmarks: Landmarks, degrees: float) -> Landmarks:
@@ -149,14 +140,11 @@ def leaning(landmarks: Landmarks, degrees: float) -> Landmarks:
     for level in VERTEBRAE:
         centre = middle(landmarks, level)
         tilt = (centre[2] - foot[2]) / radius
-        across, up = (
-            np.array([math.cos(tilt), 0.0, -math.sin(tilt)]),
-            np.array([math.sin(tilt), 0.0, math.cos(tilt)]),
-        )
-        on_arc = foot + radius * np.array([1.0 - math.cos(tilt), 0.0, math.sin(tilt)])
+        c, s = math.cos(tilt), math.sin(tilt)
+        on_arc = foot + radius * np.array([1.0 - c, 0.0, s])
         own = [name.startswith(f"{level}_") for name in landmarks.names]
         x, y, z = (points[own] - [foot[0], foot[1], centre[2]]).T
-        points[own] = on_arc + x[:, None] * across + y[:, None] * [0.0, 1.0, 0.0] + z[:, None] * up
+        points[own] = on_arc + np.column_stack([c * x + s * z, y, c * z - s * x])
     return Landmarks(landmarks.names, points)
 
 

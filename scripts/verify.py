@@ -20,7 +20,8 @@ from pathlib import Path
 
 import numpy as np
 import tyro
-from compare_bodies import CURVES, operated, plan_for, read_trunk
+from compare_bodies import CURVES, operated, plan_for
+from trunks import read_trunk, trunks_in
 
 from support.finite_elements import Solid, equilibrium
 from warp_trunk.bone_motion.plan import plan_surgery
@@ -215,10 +216,8 @@ def plans(trunk: Trunk, options: Options) -> Iterator[str]:
 
 def ribs(trunk: Trunk, options: Options) -> Iterator[str]:
     """Humps and shoulders after planned surgery beside published means."""
-    folders = sorted(path for path in options.bodies.iterdir() if (path / "bones").is_dir())
-    bodies = {"adult man": trunk} | {
-        folder.name: read_trunk(folder) for folder in folders[: 1 if options.quick else None]
-    }
+    folders = trunks_in(options.bodies)[: 1 if options.quick else None]
+    bodies = {"adult man": trunk} | {folder.name: read_trunk(folder) for folder in folders}
     yield "## Ribs against the clinic\n"
     yield (
         f"Plans that correct {100 * CORRECTION:.0f} %. The fraction by which the hump falls, over that by which "

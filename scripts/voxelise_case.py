@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
+from trunks import read_trunk
 
-from warp_trunk import Surface, read_surface
+from warp_trunk import Surface
 from warp_trunk.geometry.distance_field import Grid, SurfaceDistance
-from warp_trunk.io.surface_files import surface_files
 from warp_trunk.preparation.label_maps.names import TABLES
 
 _ROOM = 4
@@ -116,8 +116,7 @@ def main() -> None:
     parser.add_argument("--mirrored", action="store_true", help="the first axis runs to the patient's right")
     given = parser.parse_args()
     (given.out / "masks").mkdir(parents=True, exist_ok=True)
-    skin = read_surface(given.case / "skin.ply")
-    bones = {name: read_surface(path) for name, path in surface_files(given.case / "bones").items()}
+    skin, bones = read_trunk(given.case)
     turn = Rotation.from_euler("xyz", given.turned, degrees=True).as_matrix()
     turn = turn @ np.diag([-1.0 if given.mirrored else 1.0, 1.0, 1.0])
     a, b, c = given.spacing

@@ -59,14 +59,14 @@ def make_model(problem: Problem, setting: Setting) -> Model:
     )
 
 
-def run(model: Model, path: PrescribedMotion, relax: RelaxOptions, increments: int = 10) -> Timed:
+def run(model: Model, path: PrescribedMotion, relax: RelaxOptions) -> Timed:
     """One simulation."""
     gc.collect()  # what the last one holds on the device
     start = time.perf_counter()
     relaxations: list[Relaxation] = []
     seconds = setup = 0.0
     increment = None
-    for increment in simulate(model, path, SimulationOptions(increments=increments, relax=relax)):
+    for increment in simulate(model, path, SimulationOptions(relax=relax)):
         if not relaxations:
             setup = time.perf_counter() - start - increment.seconds
         relaxations.append(increment.relaxation)
@@ -75,15 +75,13 @@ def run(model: Model, path: PrescribedMotion, relax: RelaxOptions, increments: i
     return Timed(seconds, setup, increment.displacement, relaxations)
 
 
-def run_least(
-    model: Model, path: PrescribedMotion, relax: RelaxOptions, *, increments: int = 10, repeats: int = REPEATS
-) -> Timed:
+def run_least(model: Model, path: PrescribedMotion, relax: RelaxOptions, repeats: int = REPEATS) -> Timed:
     """The fastest of so many simulations, or the first one if it is not short."""
-    timed = run(model, path, relax, increments)
+    timed = run(model, path, relax)
     for _ in range(repeats - 1):
         if timed.seconds > SHORT:
             break
-        timed = min(timed, run(model, path, relax, increments), key=lambda run: run.seconds)
+        timed = min(timed, run(model, path, relax), key=lambda run: run.seconds)
     return timed
 
 
