@@ -19,7 +19,6 @@ from warp_trunk.cohort.one_case import JUDGED, LOG, do_case
 from warp_trunk.cohort.working import connected, work
 from warp_trunk.errors import InputError
 from warp_trunk.run.progress import Progress
-from warp_trunk.run.unread_options import CaseChanges
 
 OPTIONS = "--tets 8000 --bone-voxel 8 --increments 1 --device cpu --no-record"
 """Those of `cohort_options`."""
@@ -83,7 +82,7 @@ def test_what_is_done_is_kept_and_what_changed_is_done_again(cases: Path, alone:
     kept = do_case(cases / "a", out, cohort_options(threads=1))
     assert kept.kept
     assert kept.row.measures
-    changed = dataclasses.replace(cohort_options(threads=1), changes=CaseChanges({"youngs_modulus": 5.0}))
+    changed = dataclasses.replace(cohort_options(threads=1), constants={"youngs_modulus": 5.0})
     done = do_case(cases / "a", out, changed)
     assert not done.kept
     assert done.notice == "'youngs_modulus' was 17.0 and is 5.0"

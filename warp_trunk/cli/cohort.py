@@ -17,6 +17,7 @@ from warp_trunk.cohort.one_case import CohortOptions
 from warp_trunk.cohort.working import CPU_THREADS, case_folders, check_out, connected, work
 from warp_trunk.errors import InputError
 from warp_trunk.run.progress import Progress
+from warp_trunk.run.unread_options import refuse_unread
 
 from .output import INCOMPLETE, OK, next_command
 from .simulate import SimulationArguments
@@ -40,8 +41,8 @@ class Cohort(SimulationArguments):
         """Simulates the missing cases and writes tables and page."""
         folders = case_folders(self.folder)
         left_over = check_out(self.out, self.folder, [folder.name for folder in folders])
-        run, changes = self.chosen, self.changes
-        options = CohortOptions(run=run, align_pelvis=self.align_pelvis, changes=changes)
+        refuse_unread(self.given, self.chosen, layered=True)  # those that no case reads
+        options = CohortOptions(run=self.chosen, align_pelvis=self.align_pelvis, constants=self.constants)
         with Progress() as progress:
             for name in left_over:
                 progress.message(f"{self.out / name}: is of no case in {self.folder}, and left out")
@@ -98,7 +99,7 @@ class Calibrate(SimulationArguments):
 
     def _cases(self, options: CohortOptions, progress: Progress) -> list[FitJob]:
         """The cases that take part, each checked."""
-        found, free, changes = [], (), self.changes
+        found, free = [], ()
         for folder in case_folders(self.folder):
             case, _ = read_checked_case(folder, align=self.align_pelvis)
             study = case.study
@@ -108,13 +109,18 @@ class Calibrate(SimulationArguments):
                 lacks = "landmarks of a spine" if case.actual_skin is not None else "actual skin"
                 progress.message(f"{folder}: has no {lacks}, and takes no part")
                 continue
-            case = changes.of(case, options.run)
+            case = self.changed(case)
             check_free(self.free, case, options.run)
             free = free or tuple(FreeConstant(name=name, start=constant_of(case, name)) for name in self.free)
-            place, run, align = folder.resolve(), options.run, self.align_pelvis
-            found.append(
-                FitJob(folder=place, options=run, align_pelvis=align, changes=changes, free=free, study=study)
+            job = FitJob(
+                folder=folder.resolve(),
+                options=options.run,
+                align_pelvis=self.align_pelvis,
+                constants=self.constants,
+                free=free,
+                study=study,
             )
+            found.append(job)
         if not found:
             after = "" if self.pose == "all" else f" after {self.pose}"
             raise InputError(f"{self.folder}: no case with a spine and an actual skin{after}; add actual_skin.ply")

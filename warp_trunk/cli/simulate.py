@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, ClassVar
 
@@ -11,9 +12,9 @@ from tyro.conf import Positional, Suppress, UseAppendAction
 
 from warp_trunk.bone_motion.plan import read_plan
 from warp_trunk.bone_motion.plan.plan_file import plan_files
-from warp_trunk.case import read_checked_case
+from warp_trunk.case import Case, read_checked_case
 from warp_trunk.case.layers import Constants
-from warp_trunk.case.tissue_file import read_tissue_file
+from warp_trunk.case.tissue_file import read_tissue_file, with_constants
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.errors import InputError
 from warp_trunk.io.folders import seen_from_here
@@ -23,10 +24,10 @@ from warp_trunk.preparation.phantom import phantom_case
 from warp_trunk.results import Result
 from warp_trunk.results.summary_text import plain
 from warp_trunk.run.options import PAPERS, RunOptions
-from warp_trunk.run.patient import patient_of
+from warp_trunk.run.patient import layers_from, patient_of
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
-from warp_trunk.run.unread_options import CaseChanges
+from warp_trunk.run.unread_options import refuse_unread
 
 from .output import NOT_CONVERGED, OK, next_command
 
@@ -61,11 +62,21 @@ class SimulationArguments:
             return self.options
         return replace(self.options, **{name: PAPERS[name] for name in PAPERS.keys() - self.given.keys()})
 
-    @property
-    def changes(self) -> CaseChanges:
-        """The changes to each case: constants of the tissue file, and over them those of the command."""
-        constants = {} if self.tissue_file is None else read_tissue_file(self.tissue_file)
-        return CaseChanges(constants | self.tissue.given, dict(self.given))
+    @cached_property
+    def constants(self) -> dict[str, float]:
+        """Constants in place of those of each case: of the tissue file, and over them those of the command."""
+        of_file = {} if self.tissue_file is None else read_tissue_file(self.tissue_file)
+        return of_file | self.tissue.given
+
+    def changed(self, case: Case) -> Case:
+        """A case with these constants.
+
+        Raises:
+            InputError: a constant that the case cannot have, or an option that its model does not read.
+        """
+        case = with_constants(case, self.constants)
+        refuse_unread(self.given, self.chosen, layered=layers_from(case, self.chosen) != "none")
+        return case
 
 
 def report_ending(result: Result, name: str = "") -> int:
@@ -129,8 +140,7 @@ class Simulate(SimulationArguments):
                     name: read_checked_case(self.case, align=self.align_pelvis, motions=file)
                     for name, file in files.items()
                 }
-            changes = self.changes
-            cases = [(name, changes.of(case, options), warnings) for name, (case, warnings) in read.items()]
+            cases = [(name, self.changed(case), warnings) for name, (case, warnings) in read.items()]
             _, case, warnings = cases[0]
 
             def ended(name: str, result: Result) -> None:

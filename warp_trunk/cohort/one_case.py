@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from warp_trunk.case import read_checked_case
 from warp_trunk.case.fingerprint import Fingerprint, difference, fingerprint_of
+from warp_trunk.case.tissue_file import with_constants
 from warp_trunk.engine.parallel import choose_device, choose_threads
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.spline import fit_spline
@@ -26,7 +28,6 @@ from warp_trunk.results.summary import versions
 from warp_trunk.run.options import RunOptions, parameters
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
-from warp_trunk.run.unread_options import CaseChanges
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -44,8 +45,8 @@ class CohortOptions:
     """As one case alone."""
     align_pelvis: bool = False
     """Bring what is known after surgery back onto the pelvis before it."""
-    changes: CaseChanges = field(default_factory=CaseChanges)
-    """Values that are given for every case, such as constants of its tissue."""
+    constants: Mapping[str, float] = field(default_factory=dict)
+    """Constants of tissue and ribs, by their names in tissue.toml, in place of those of each case."""
 
     def __post_init__(self) -> None:
         """Raises InputError for what is of one case alone."""
@@ -87,7 +88,7 @@ def do_case(folder: Path, out: Path, options: CohortOptions) -> CaseOutcome:
 
 def _do_case(folder: Path, out: Path, options: CohortOptions) -> CaseOutcome:
     case, warnings = read_checked_case(folder, align=options.align_pelvis)
-    case = options.changes.of(case, options.run)
+    case = with_constants(case, options.constants)
     made_from = _made_from(case, options.run)
     earlier, notice = read_judged(out), ""
     if earlier is not None:

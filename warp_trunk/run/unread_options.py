@@ -1,18 +1,16 @@
-"""Changes that a command makes in cases, and the refusal of options that the chosen model does not read."""
+"""The refusal of options that the chosen model does not read."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from typing import TYPE_CHECKING, Any
 
-from warp_trunk.case.tissue_file import with_constants
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.meshing import MeshOptions
 
 from .options import RunOptions
-from .patient import layers_from
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -116,23 +114,3 @@ def _changed(record: Any, default: Any) -> Iterable[str]:
 def _like(called: str, name: str) -> str:
     """An option named as another one is: with hyphens on the command line and for files, plainly in Python."""
     return name if called.isidentifier() else f"--{name.replace('_', '-')}"
-
-
-@dataclass(frozen=True)
-class CaseChanges:
-    """Values that are given for every case, which travel to the workers of a cohort."""
-
-    constants: dict[str, float] = field(default_factory=dict)
-    """Constants of tissue and ribs by their names in tissue.toml, in place of those of the case."""
-    given: dict[str, str] = field(default_factory=dict)
-    """Options that are given, by their names in Python, and as they were written."""
-
-    def of(self, case: Case, options: RunOptions) -> Case:
-        """A case with the constants.
-
-        Raises:
-            InputError: a constant that the case cannot have, or an option that its model does not read.
-        """
-        case = with_constants(case, self.constants)
-        refuse_unread(self.given, options, layered=layers_from(case, options) != "none")
-        return case

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -27,7 +28,6 @@ from warp_trunk.meshing import MeshOptions, make_trunk
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import find_path
 from warp_trunk.run.prediction import Prediction, prepare
-from warp_trunk.run.unread_options import CaseChanges
 
 from .free_constants import FreeConstant, layers_with, values_of
 
@@ -65,8 +65,8 @@ class FitJob:
     """Bring what is known after surgery back onto the pelvis before it."""
     free: tuple[FreeConstant, ...]
     """The constants that are fitted."""
-    changes: CaseChanges = field(default_factory=CaseChanges)
-    """Values that are given for every case."""
+    constants: Mapping[str, float] = field(default_factory=dict)
+    """Other constants, in place of those of the case."""
     study: Study = field(default_factory=Study)
     """Whose case it is, its pose, and whether it is synthetic."""
     derivative: bool = True
@@ -112,7 +112,7 @@ def fit_case(job: FitJob, counted: np.ndarray) -> CaseFit:
         InputError: a case that cannot be simulated, has no actual skin, or whose skin finds no equilibrium.
     """
     kept, options = _kept(job.key, job.folder, job.align_pelvis, job.options.mesh), job.options
-    case = with_constants(job.changes.of(kept.case, options), values_of(job.free, counted))
+    case = with_constants(kept.case, {**job.constants, **values_of(job.free, counted)})
     prediction = prepare(case, options, kept.trunk).relax()
     trunk, last = prediction.trunk, prediction.last
     relaxer, skin_nodes, status = prediction.patient.relaxer, trunk.skin_nodes, last.relaxation.status
