@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from support.anatomy import anatomy
 from warp_trunk.bone_motion.rib_cage import ends
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.io.surface_files import read_surface
+from warp_trunk.io.surface_files import read_surface, surface_files
 from warp_trunk.preparation.deformity import SpineCurve, make_case
 from warp_trunk.run.patient import motions_of
 
@@ -19,14 +20,12 @@ from warp_trunk.run.patient import motions_of
 @cache
 def moved() -> tuple[dict[str, Surface], dict[str, RigidMotion]]:
     """Bones before surgery, and how they go as a curve of 60 degrees is corrected by 70 %."""
-    anatomy = Path(os.environ.get("WARP_TRUNK_ANATOMY", ""))
-    more = anatomy / "bones_extra"
-    if not more.is_dir():
-        pytest.skip("WARP_TRUNK_ANATOMY names no folder with skin.ply, bones/ and bones_extra/")
-    bones = {
-        path.stem: read_surface(path) for folder in (anatomy / "bones", more) for path in folder.glob("*.ply")
-    }
-    case = make_case(read_surface(anatomy / "skin.ply"), bones, SpineCurve(), 0.7)
+    skin, bones = anatomy()
+    extra = Path(os.environ["WARP_TRUNK_ANATOMY"], "bones_extra")
+    if not extra.is_dir():
+        pytest.skip("the folder that WARP_TRUNK_ANATOMY names has no bones_extra/")
+    more = {name: read_surface(path) for name, path in surface_files(extra).items()}
+    case = make_case(skin, bones | more, SpineCurve(), 0.7)
     return dict(case.bones), dict(motions_of(case))
 
 

@@ -1,30 +1,16 @@
 """Measures of real anatomy, straight and symmetric as it is, and twisted by known angles."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 
+from support.anatomy import anatomy, anatomy_landmarks
 from support.there import there
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.io.surface_files import read_surface
 from warp_trunk.measures import compare_skins, measure
-from warp_trunk.preparation.landmark_finder import find_landmarks
 
 TWIST = 20.0
 """Clockwise, over the height of the trunk above the pelvis [degrees]."""
-
-
-@pytest.fixture(scope="module")
-def anatomy():
-    folder = os.environ.get("WARP_TRUNK_ANATOMY")
-    if not folder:
-        pytest.skip("WARP_TRUNK_ANATOMY names no folder with skin.ply and bones/")
-    files = [path for path in Path(folder, "bones").glob("*.ply") if path.stem[0] in "TL" or "hip" in path.stem]
-    bones = {path.stem: read_surface(path) for path in files}
-    return read_surface(Path(folder, "skin.ply")), find_landmarks(bones).complete()
 
 
 def twist(points, bottom, top):
@@ -34,8 +20,8 @@ def twist(points, bottom, top):
     return np.column_stack([c * x - s * y, s * x + c * y - 60.0, z])
 
 
-def test_twisted_anatomy_has_the_angles_of_its_twist(anatomy):
-    skin, landmarks = anatomy
+def test_twisted_anatomy_has_the_angles_of_its_twist():
+    (skin, _), landmarks = anatomy(), anatomy_landmarks()
     bottom, top = landmarks.of_bone("L5").points[:, 2].min() - 10.0, skin.vertices[:, 2].max()
     turned = Landmarks(landmarks.names, twist(landmarks.points, bottom, top))
     twisted = Surface(twist(skin.vertices, bottom, top), skin.faces)

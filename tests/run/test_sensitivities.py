@@ -1,13 +1,12 @@
 """Sensitivities of a prediction, against central differences of whole simulations."""
 
-import os
 from dataclasses import replace
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import pytest
 
+from support.anatomy import anatomy
 from support.phantoms import coarse_mesh, coarse_phantom, whole_phantom
 from support.small_trunk import LEVELS, boned_case
 from warp_trunk.case import Case
@@ -19,7 +18,6 @@ from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.coarsening import coarsen
-from warp_trunk.io.surface_files import read_surface
 from warp_trunk.measures import TrunkMeasures
 from warp_trunk.measures.quantities import QUANTITIES
 from warp_trunk.meshing import MeshOptions
@@ -29,7 +27,6 @@ from warp_trunk.run.prediction import Prediction, prepare, prepare_plan
 from warp_trunk.run.sensitivities import Sensitivity, sensitivities
 from warp_trunk.run.sources import sources_of
 
-ANATOMY = os.environ.get("WARP_TRUNK_ANATOMY", "")
 WITHIN = 0.03
 """Part of the largest change of a number of its kind by which a derivative may miss the difference."""
 STEP = 1e-3
@@ -202,13 +199,11 @@ def test_thickness_of_layers(energy: EnergyName) -> None:
         agree([one.quantity for one in layered.found], predicted, (ends[0] - ends[1]) / 0.02)
 
 
-@pytest.mark.skipif(not ANATOMY, reason="WARP_TRUNK_ANATOMY names no folder")
 @pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
 def test_real_anatomy(energy: EnergyName) -> None:
-    bones = {path.stem: read_surface(path) for path in sorted(Path(ANATOMY, "bones").glob("*.ply"))}
-    skin = coarsen(read_surface(Path(ANATOMY, "skin.ply")), 16.0, 2.0)
-    case = make_case(skin, bones, SpineCurve(cobb=60.0), 0.7)
+    skin, bones = anatomy()
+    case = make_case(coarsen(skin, 16.0, 2.0), bones, SpineCurve(cobb=60.0), 0.7)
     mesh = MeshOptions(tets=75_000, bone_voxel=6.0, bone_tolerance=2.0)
-    anatomy = Simulated(case, options_of(energy, mesh=mesh))
-    check_landmarks(anatomy, 2)
-    check_constants(anatomy, anatomy.case.tissue)
+    real = Simulated(case, options_of(energy, mesh=mesh))
+    check_landmarks(real, 2)
+    check_constants(real, real.case.tissue)

@@ -1,26 +1,22 @@
 """Planned surgeries: what is asked is met, measured here by formulas of this test's own."""
 
 import math
-import os
-import re
 from functools import cache
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from support.anatomy import anatomy_landmarks
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_surgery
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.io.surface_files import read_surface
 from warp_trunk.measures import cobb_angles
 from warp_trunk.preparation.deformity import SpineCurve, correct
-from warp_trunk.preparation.landmark_finder import find_landmarks
 from warp_trunk.preparation.phantom import straight_trunk
 
 NOTHING = Surface(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
@@ -30,16 +26,9 @@ def case_of(landmarks: Landmarks) -> Case:
     return Case("spine", NOTHING, {}, landmarks)
 
 
-@cache
 def straight(of: str) -> Landmarks:
     """Landmarks of the phantom while it is straight, or of the anatomy."""
-    if of == "phantom":
-        return straight_trunk()[2]
-    folder = os.environ.get("WARP_TRUNK_ANATOMY")
-    if not folder or not Path(folder).is_dir():
-        pytest.skip("WARP_TRUNK_ANATOMY names no folder with skin.ply and bones/")
-    files = [path for path in Path(folder, "bones").glob("*.ply") if re.fullmatch(r"[TL]\d+|hip_.*", path.stem)]
-    return find_landmarks({path.stem: read_surface(path) for path in sorted(files)}).complete()
+    return straight_trunk()[2] if of == "phantom" else anatomy_landmarks()
 
 
 @cache

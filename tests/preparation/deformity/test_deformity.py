@@ -1,26 +1,23 @@
 """A curve imposed on straight anatomy: landmarks, bones and skin."""
 
-import os
 from dataclasses import replace
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
+from support.anatomy import anatomy, anatomy_landmarks
+from support.there import there
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import crossings
-from warp_trunk.io.surface_files import read_surface
 from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.preparation.deformity import SpineCurve, correct, impose
 from warp_trunk.preparation.deformity.deformity import SKIN_SHARES, guiding_points, guiding_skin
 from warp_trunk.preparation.deformity.spine_curve import vertebra_poses
-from warp_trunk.preparation.landmark_finder import find_landmarks
 from warp_trunk.preparation.phantom import straight_trunk
 
 SKIN, BONES, LANDMARKS = straight_trunk()
@@ -94,21 +91,11 @@ def test_skin_that_crosses_itself_is_refused() -> None:
         impose(crossed, BONES, LANDMARKS, SpineCurve(cobb=20.0))
 
 
-@cache
-def anatomy() -> tuple[Surface, dict[str, Surface], Landmarks]:
-    folder = os.environ.get("WARP_TRUNK_ANATOMY")
-    if not folder or not Path(folder).is_dir():
-        pytest.skip("WARP_TRUNK_ANATOMY names no folder with skin.ply and bones/")
-    bones = {path.stem: read_surface(path) for path in sorted(Path(folder, "bones").glob("*.ply"))}
-    return read_surface(Path(folder, "skin.ply")), bones, find_landmarks(bones).complete()
-
-
 @pytest.mark.parametrize("kind", ["thoracic", "thoracolumbar", "double_major"])
 def test_real_anatomy_bears_80_degrees(kind: Any) -> None:
-    skin, bones, straight = anatomy()
-    _, _, landmarks = impose(skin, bones, straight, SpineCurve(kind=kind, cobb=80.0))
+    _, _, landmarks = impose(*anatomy(), anatomy_landmarks(), SpineCurve(kind=kind, cobb=80.0))
     assert np.ptp(tilts(landmarks)) == pytest.approx(80.0, abs=1.0)
-    after = correct(straight, SpineCurve(kind=kind, cobb=80.0), 0.7)
+    after = correct(anatomy_landmarks(), SpineCurve(kind=kind, cobb=80.0), 0.7)
     assert np.ptp(tilts(after)) == pytest.approx(24.0, abs=1.0)
 
 
@@ -120,18 +107,14 @@ def imposed(cobb: float, secondary_rotation: float | None = None) -> TrunkMeasur
 
 def test_lumbar_skin_turns_with_its_vertebrae() -> None:
     """Only the rotation of the lumbar curve differs, so that tilt and sideways way cancel."""
-    more, less = (imposed(cobb=50.0, secondary_rotation=turn).bsr["L3"] for turn in (16.0, 0.0))
-    assert more is not None
-    assert less is not None
+    more, less = (there(imposed(cobb=50.0, secondary_rotation=turn).bsr["L3"]) for turn in (16.0, 0.0))
     assert -12.0 < more - less < -3.0  # a right thoracic curve: the lumbar hump stands on the left
 
 
 @pytest.mark.parametrize("cobb", [40.0, 58.0])
 def test_shoulders_stand_as_in_patients(cobb: float) -> None:
     """7 mm at 58 degrees in the mean of 619 patients, 5 to 14 mm in 104."""
-    before, after = imposed(cobb=0.0).shoulders, imposed(cobb=cobb).shoulders
-    assert before is not None
-    assert after is not None
+    before, after = (there(imposed(angle).shoulders) for angle in (0.0, cobb))
     assert after.difference - before.difference == pytest.approx(7.0 * cobb / 58.0, abs=5.0)
 
 

@@ -1,16 +1,14 @@
-import os
 from collections.abc import Mapping
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from support.anatomy import anatomy
 from support.blocks import spine_and_hips
 from warp_trunk.case import Case
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.io.surface_files import read_surface
 from warp_trunk.preparation.deformity import SpineCurve, make_case
 from warp_trunk.preparation.deformity.deformity import check_straight
 from warp_trunk.preparation.landmark_finder import find_landmarks
@@ -36,11 +34,7 @@ def test_case_holds_the_curve_and_its_correction() -> None:
 
 @cache
 def real_case() -> Case:
-    folder = os.environ.get("WARP_TRUNK_ANATOMY")
-    if not folder or not Path(folder).is_dir():
-        pytest.skip("WARP_TRUNK_ANATOMY names no folder with skin.ply and bones/")
-    bones = {path.stem: read_surface(path) for path in sorted(Path(folder, "bones").glob("*.ply"))}
-    return make_case(read_surface(Path(folder, "skin.ply")), bones, SpineCurve(cobb=60.0), 0.7)
+    return make_case(*anatomy(), SpineCurve(cobb=60.0), 0.7)
 
 
 def test_real_rib_hump_is_of_the_size_seen_in_patients() -> None:

@@ -1,21 +1,21 @@
 """Landmarks found on bones whose landmarks are known: blocks upright and in curves, and the real anatomy."""
 
-import os
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
+from support.anatomy import anatomy, anatomy_landmarks
 from support.blocks import VERTEBRA, blocks, moved, skeleton, spine_and_hips
-from support.known_landmarks import CURVES, compare, imposed
-from support.known_landmarks import spine_and_hips as real_spine_and_hips
 from support.trunk_shapes import joined
-from warp_trunk import InputError, Landmarks, SpineCurve, Surface, find_landmarks, read_surface
+from warp_trunk import InputError, Landmarks, SpineCurve, Surface, find_landmarks
 from warp_trunk.case.anatomy import VERTEBRAE
-from warp_trunk.case.landmarks import VERTEBRA_POINTS, bone_of
+from warp_trunk.case.landmarks import ASIS, VERTEBRA_POINTS, bone_of
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.measures.apical import axial_rotation
-from warp_trunk.measures.spine import spine_of
+from warp_trunk.measures.spine import asis_axis, spine_of
+from warp_trunk.preparation.deformity import correct
 from warp_trunk.preparation.deformity.spine_curve import vertebra_poses
 
 SPINE = spine_and_hips()
@@ -132,16 +132,8 @@ def test_exchanged_names_are_told() -> None:
     assert "names exchanged" in found.unsure["T7"]
 
 
-def anatomy() -> Path:
-    folder = os.environ.get("WARP_TRUNK_ANATOMY")
-    if not folder or not Path(folder).is_dir():
-        pytest.skip("WARP_TRUNK_ANATOMY names no folder with skin.ply and bones/")
-    return Path(folder)
-
-
 def test_real_anatomy() -> None:
-    bones = {path.stem: read_surface(path) for path in sorted((anatomy() / "bones").glob("*.ply"))}
-    found = find_landmarks(bones).complete()
+    (_, bones), found = anatomy(), anatomy_landmarks()
     assert len(found.names) == 17 * 6 + 2
     for name, point in zip(found.names, found.points, strict=True):
         if "pedicle" not in name:  # those lie on the outline of the pedicle, or within the root of a process
@@ -153,11 +145,63 @@ def test_real_anatomy() -> None:
     assert 60.0 < left[2] - bones["hip_left"].vertices[:, 2].min() < 180.0
 
 
+CURVES = (
+    SpineCurve(kind="thoracic", cobb=40.0),
+    SpineCurve(kind="thoracic", cobb=60.0),
+    SpineCurve(kind="thoracic", cobb=90.0),
+    SpineCurve(kind="thoracolumbar", cobb=45.0, direction="left"),
+    SpineCurve(kind="double_major", cobb=75.0),
+)
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Distances of landmarks found from landmarks known."""
+
+    mean: float
+    """[mm]"""
+    most: float
+    """95 % are nearer [mm]."""
+    largest: float
+    """[mm]"""
+    rotation: float
+    """Largest error of a vertebra's axial rotation [deg]."""
+    unsure: tuple[str, ...]
+    """Vertebrae without landmarks."""
+
+
+def imposed(
+    bones: Mapping[str, Surface], straight: Landmarks, curve: SpineCurve
+) -> tuple[dict[str, Surface], Landmarks]:
+    """Bones and landmarks of the curved spine; vertebrae move rigidly and the pelvis stays, as in make-case."""
+    poses = vertebra_poses(straight, curve)
+    curved = {
+        name: Surface(poses[name](bone.vertices), bone.faces) if name in poses else bone
+        for name, bone in bones.items()
+    }
+    return curved, correct(straight, curve, 0.0)
+
+
+def compare(bones: Mapping[str, Surface], truth: Landmarks) -> Errors:
+    """Landmarks found on bones, against known ones."""
+    found = find_landmarks(bones)
+    names = found.landmarks.names
+    known = Landmarks(names, np.array([truth.point(name) for name in names]))
+    off = np.linalg.norm(found.landmarks.points - known.points, axis=1)
+    turned, right = (axial_rotation(spine_of(marks), asis_axis(marks)) for marks in (found.landmarks, known))
+    return Errors(
+        mean=float(off.mean()),
+        most=float(np.percentile(off, 95.0)),
+        largest=float(off.max()),
+        rotation=max(abs((turned[name] or 0.0) - (right[name] or 0.0)) for name in turned),
+        unsure=tuple(found.unsure),
+    )
+
+
 def test_curves_imposed_on_real_anatomy() -> None:
-    bones = real_spine_and_hips(anatomy())
-    straight = find_landmarks(bones).complete()
+    bones = {name: anatomy()[1][name] for name in (*VERTEBRAE, *ASIS.values())}  # those with landmarks
     for curve in CURVES:
-        errors = compare(*imposed(bones, straight, curve))
+        errors = compare(*imposed(bones, anatomy_landmarks(), curve))
         assert not errors.unsure
         assert errors.mean <= 1.0
         assert errors.most <= 2.5
