@@ -2,8 +2,9 @@
 
 On the CPU each grid has a launch down and a launch up, loops in C++ as in `sparse`. On CUDA, where a launch costs
 more than most of its work, every grid interpolates directly to the nodes, so that three launches apply all of
-them, and the step of conjugate gradients goes with them. Weights and the dense inverse have 16 bits there: they
-shape a preconditioner, and nothing of the solution."""
+them. Before them the step of conjugate gradients writes the residual with four numbers a node: it is gathered 24
+times, and a vector of 16 bytes is read at once. Weights and the dense inverse have 16 bits there: they shape a
+preconditioner, and nothing of the solution."""
 
 from functools import cache
 from types import SimpleNamespace
@@ -15,6 +16,8 @@ from .sparse import four_types
 from .vectors import lane_reducer, sum_reducer
 
 vec8i = wp.types.vector(8, wp.int32)
+CORNERS = 8
+"""Corners of a cell."""
 KEPT = 0.999
 """Factor of the off-diagonal numbers of a symmetric positive matrix with unit diagonal in 16 bits. Rounding there
 changes its eigenvalues, by 8e-4 where it has 1700 rows: so it stays positive also where a few nodes leave grid
@@ -41,12 +44,17 @@ def grid_matrix_kernels(scalar: type, lanes: int) -> SimpleNamespace:
         weight: wp.array(dtype=vec8),
         diagonal: wp.array(dtype=mat33, ndim=2),
     ):
-        """Adds what the matrix row of one node, from its diagonal on, gives to the diagonal blocks of P^T H P."""
+        """Adds what the matrix row of one node, from its diagonal on, gives to the diagonal blocks of P^T H P.
+
+        With CORNERS lanes each has a corner, and adds up before it adds to the grid: half a million atomics on
+        the few vertices of a coarse grid took 0.9 ms.
+        """
         item = first + wp.tid()
         if item < end:
             i = item // lanes
             own = vertex[i]
             w = weight[i]
+            total = mat33()
             for n in range(row_start[i], row_start[i + 1]):
                 c = columns[n]
                 if c >= i:
@@ -58,7 +66,12 @@ def grid_matrix_kernels(scalar: type, lanes: int) -> SimpleNamespace:
                     for k in range(item % lanes, 8, lanes):
                         for m in range(8):
                             if own[k] == other[m]:
-                                wp.atomic_add(diagonal, slab, own[k], (w[k] * v[m]) * block)
+                                if wp.static(lanes == CORNERS):
+                                    total += v[m] * block
+                                else:
+                                    wp.atomic_add(diagonal, slab, own[k], (w[k] * v[m]) * block)
+            if wp.static(lanes == CORNERS):
+                wp.atomic_add(diagonal, slab, own[item % lanes], w[item % lanes] * total)
 
     @wp.func
     def add_pair(matrix: wp.array3d(dtype=wp.float64), slab: int, u: int, v: int, block: mat33):
@@ -298,8 +311,6 @@ FEW_LANES = 8
 """Threads that share one of the other vertices."""
 NODE_LANES = 4
 """Threads that share a node, each for whole cells that it lies in; three write a component."""
-CORNERS = 8
-"""Corners of a cell."""
 ROW_LANES = 32
 """Threads that share a row of the dense product."""
 OCTET = 8
@@ -386,52 +397,69 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         """Contribution of one of NODE_LANES threads to the correction of a node; it reads a whole cell at once."""
         ...
 
-    @wp.func_native("""
-    decltype(r.data[0] + r.data[0]) sum;
-    const auto* taken = step != 0 ? q.data : r.data;  // q is not set before the first step
-    for (int k = first; k < end; k += 4 * apart) {
-        int node[4];
-        decltype(+sum[0]) w[4];
+    @wp.func_native(f"""
+    struct alignas(16) Four {{ {real} x, y, z, unused; }};
+    wp::vec_t<3, {real}> sum;
+    for (int k = first; k < end; k += 4 * apart) {{
+        Four vector[4];
+        {real} w[4];
         #pragma unroll
-        for (int n = 0; n < 4; ++n) {  // all are asked for before the first is waited for
+        for (int n = 0; n < 4; ++n) {{  // all are asked for before the first is waited for
             const int at = min(k + n * apart, end - 1);
-            node[n] = point.data[at];
+            vector[n] = reinterpret_cast<const Four*>(residual.data)[point.data[at]];
             w[n] = k + n * apart < end ? float(weight.data[at]) : 0.0f;
-        }
+        }}
         #pragma unroll
-        for (int n = 0; n < 4; ++n) {
-            const decltype(sum) vector = r.data[node[n]] - step * taken[node[n]];
-            sum[0] += w[n] * vector[0];
-            sum[1] += w[n] * vector[1];
-            sum[2] += w[n] * vector[2];
-        }
-    }
+        for (int n = 0; n < 4; ++n) {{
+            sum[0] += w[n] * vector[n].x;
+            sum[1] += w[n] * vector[n].y;
+            sum[2] += w[n] * vector[n].z;
+        }}
+    }}
     return sum;
     """)
     def part_of_residual(
         point: wp.array(dtype=number),
         weight: wp.array(dtype=wp.float16),
-        r: wp.array(dtype=vec3),
-        q: wp.array(dtype=vec3),
-        step: scalar,
+        residual: wp.array(dtype=vec4),
         first: wp.int32,
         end: wp.int32,
         apart: wp.int32,
     ) -> vec3:
-        """Contribution of one of `apart` threads to a weighted sum of r - step q."""
+        """Contribution of one of `apart` threads to a weighted sum."""
         ...
 
-    @wp.func_native(f"return __shfl_sync(0xffffffffu, value, lane, {NODE_LANES});")
-    def of_lane(value: scalar, lane: wp.int32) -> scalar:
-        """The value of one of the threads of a node."""
-        ...
+    @wp.kernel(module=module, enable_backward=False)
+    def step_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        steps: int,
+        iteration: wp.array(dtype=wp.int32),
+        r_dot_z: wp.array(dtype=wp.float64, ndim=2),
+        p_dot_q: wp.array(dtype=wp.float64, ndim=2),
+        p: wp.array(dtype=scalar),
+        q: wp.array(dtype=scalar),
+        x: wp.array(dtype=scalar),
+        r: wp.array(dtype=scalar),
+        residual: wp.array(dtype=scalar),
+    ):
+        """x += alpha p and r -= alpha q where the iteration `steps`; a copy of r with four numbers a node."""
+        k = first + wp.tid()
+        if k < end:
+            own = r[k]
+            if steps == 1:
+                alpha = scalar(find_alpha(r_dot_z, p_dot_q, iteration[0], 1))
+                own -= alpha * q[k]
+                r[k] = own
+                x[k] = x[k] + alpha * p[k]
+            residual[4 * (k // 3) + k % 3] = own
 
     @wp.kernel(module=module, enable_backward=False)
     def restrict_kernel(
         first: int,
         end: int,
         slab: int,
-        steps: int,
         coarsest: int,
         far: int,
         row_start: wp.array(dtype=wp.int32),
@@ -439,11 +467,7 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         weight: wp.array(dtype=wp.float16),
         inverse_diagonal: wp.array(dtype=mat33),
         scale: wp.array(dtype=wp.vec3f),
-        iteration: wp.array(dtype=wp.int32),
-        r_dot_z: wp.array(dtype=wp.float64, ndim=2),
-        p_dot_q: wp.array(dtype=wp.float64, ndim=2),
-        r: wp.array(dtype=vec3),
-        q: wp.array(dtype=vec3),
+        residual: wp.array(dtype=vec4),
         first_of_group: wp.array(dtype=wp.int32),
         start_of_group: wp.array(dtype=wp.int32),
         node_of_member: wp.array(dtype=wp.int32),
@@ -453,7 +477,7 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         coarsest_residual: wp.array(dtype=wp.vec3f),
         correction: wp.array(dtype=vec4),
     ):
-        """P^T r, scaled for the `coarsest` first vertices, times D^-1 for the others; r after a step, if any.
+        """P^T r, scaled for the `coarsest` first vertices, times D^-1 for the others.
 
         The `far` first vertices have VERTEX_LANES threads each, the others FEW_LANES, and so have the members of
         `node_groups` after them, whose correction it finds: a launch for them alone took a sixth of an iteration.
@@ -469,19 +493,13 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         if item < end and m < 0:
             begin = row_start[v] + item % lanes
             stop = row_start[v + 1]
-        step = scalar(0.0)
-        if steps == 1:
-            step = scalar(find_alpha(r_dot_z, p_dot_q, iteration[0], 1))
-        total = part_of_residual(point, weight, r, q, step, begin, stop, lanes)
+        total = part_of_residual(point, weight, residual, begin, stop, lanes)
         if item < end and m >= 0:
             group = group_of_member[m]
             size = 3 * (first_of_group[group + 1] - first_of_group[group])
             k = item % lanes
             if 3 * k < size:
-                node = node_of_member[first_of_group[group] + k]
-                own = r[node]
-                if steps == 1:
-                    own -= step * q[node]
+                own = residual[node_of_member[first_of_group[group] + k]]
                 row = start_of_group[group] + 3 * size * (m - first_of_group[group]) + 3 * k
                 for c in range(3):
                     at = row + size * c
@@ -530,57 +548,40 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         first: int,
         end: int,
         slab: int,
-        steps: int,
         inverse_diagonal: wp.array(dtype=scalar),
         vertex: wp.array(dtype=number),
         weight: wp.array(dtype=wp.float16),
         coarse: wp.array(dtype=vec4),
         member_of: wp.array(dtype=wp.int32),
         group_correction: wp.array(dtype=scalar),
+        residual: wp.array(dtype=vec4),
         iteration: wp.array(dtype=wp.int32),
-        p_dot_q: wp.array(dtype=wp.float64, ndim=2),
-        p: wp.array(dtype=scalar),
-        q: wp.array(dtype=scalar),
-        x: wp.array(dtype=scalar),
-        r: wp.array(dtype=scalar),
         z: wp.array(dtype=scalar),
         r_dot_z: wp.array(dtype=wp.float64, ndim=2),
     ):
-        """z = D^-1 r + the groups' correction + the sum of P z_coarse over all grids, and r . z, by iteration.
-
-        Where the iteration `steps`, x and r do so first.
-        """
+        """z = D^-1 r + the groups' correction + the sum of P z_coarse over all grids, and r . z, by iteration."""
         item = first + wp.tid()
         i = item // NODE_LANES
         c = item % NODE_LANES
         k = 3 * i + c
-        j = iteration[0]
-        own = scalar(0.0)
-        row = vec3()
         total = vec3()
         if item < end:
-            if c < 3:
-                row = vec3(inverse_diagonal[3 * k], inverse_diagonal[3 * k + 1], inverse_diagonal[3 * k + 2])
-                own = r[k]
-                if steps == 1:
-                    step = scalar(find_alpha(r_dot_z, p_dot_q, j - 1, 1))
-                    own -= step * q[k]
-                    r[k] = own
-                    x[k] = x[k] + step * p[k]
             nodes = end // NODE_LANES
             total = part_of_correction(vertex, weight, coarse, vertex.shape[0] // (CORNERS * nodes), nodes, i, c)
         total = vec3(
             add_lanes(total[0], NODE_LANES), add_lanes(total[1], NODE_LANES), add_lanes(total[2], NODE_LANES)
         )
-        residual = vec3(of_lane(own, 0), of_lane(own, 1), of_lane(own, 2))
         value = wp.float64(0.0)
         if item < end and c < 3:
-            corrected = wp.where(c == 0, total[0], wp.where(c == 1, total[1], total[2])) + wp.dot(row, residual)
+            own = residual[i]
+            corrected = wp.where(c == 0, total[0], wp.where(c == 1, total[1], total[2]))
+            for n in range(3):
+                corrected += inverse_diagonal[3 * k + n] * own[n]
             m = member_of[i]
             if m >= 0:
                 corrected += group_correction[3 * m + c]
             z[k] = corrected
-            value = wp.float64(own) * wp.float64(corrected)
-        add(r_dot_z, j, 0, value)
+            value = wp.float64(own[c]) * wp.float64(corrected)
+        add(r_dot_z, iteration[0], 0, value)
 
-    return SimpleNamespace(restrict=restrict_kernel, dense=dense_kernel, prolong=prolong_kernel)
+    return SimpleNamespace(step=step_kernel, restrict=restrict_kernel, dense=dense_kernel, prolong=prolong_kernel)

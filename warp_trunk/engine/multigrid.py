@@ -215,7 +215,7 @@ class CpuLevels:
 
 
 class CudaLevels:
-    """The grids on CUDA: all interpolate to the nodes, so that three launches apply them.
+    """The grids on CUDA: all interpolate to the nodes, so that three launches apply them after a step.
 
     Vertices are numbered through from the coarsest grid on.
     """
@@ -278,34 +278,46 @@ class CudaLevels:
         model, kernels, record = self.model, self._kernels, self.model.parallel.record
         rows, columns = len(self._scale), self._inverse.shape[1]
         iteration, r_dot_z, p_dot_q = at.r_dot_z.iteration, at.r_dot_z.products, at.p_dot_q.products
-        residual = model.zeros(wp.float32, columns)
-        correction = model.zeros(wp.types.vector(4, model.scalar), self._vertices)
+        vec4: Any = wp.types.vector(4, model.scalar)
+        residual, correction = model.zeros(vec4, model.free_nodes), model.zeros(vec4, self._vertices)
+        coarsest_residual = model.zeros(wp.float32, columns)
 
         def numbers(array: wp.array) -> wp.array:
             return view(array, model.scalar, 3 * len(array))
 
         scale = view(self._scale, wp.vec3f, self._coarsest)
-        grids = [steps, self._coarsest, self._far, *self._by_vertex, self._inverse_diagonal, scale]
-        blocks = view(inverse_diagonal, model.scalar, 9 * len(inverse_diagonal))
-        moved = [iteration, p_dot_q, numbers(at.search), numbers(at.product)]
+        grids = [self._coarsest, self._far, *self._by_vertex, self._inverse_diagonal, scale]
         return in_sequence(
+            record(
+                kernels.step,
+                3 * model.free_nodes,
+                [steps, iteration, r_dot_z, p_dot_q, numbers(at.search), numbers(at.product)],
+                [numbers(at.solution), numbers(at.residual), view(residual, model.scalar, 4 * len(residual))],
+            ),
             record(
                 kernels.restrict,
                 self._far * VERTEX_LANES + (self._vertices - self._far + self._members) * FEW_LANES,
-                [*grids, iteration, r_dot_z, p_dot_q, at.residual, at.product, *self._of_groups],
-                [view(residual, wp.vec3f, self._coarsest), correction],
+                [*grids, residual, *self._of_groups],
+                [view(coarsest_residual, wp.vec3f, self._coarsest), correction],
             ),
             record(
                 kernels.dense,
                 rows * ROW_LANES,
-                [steps, self._inverse, self._scale, residual],
+                [steps, self._inverse, self._scale, coarsest_residual],
                 [view(correction, model.scalar, 4 * self._vertices), iteration],
             ),
             record(
                 kernels.prolong,
                 model.free_nodes * NODE_LANES,
-                [steps, blocks, *self._by_node, correction, *self._of_nodes, *moved],
-                [numbers(at.solution), numbers(at.residual), numbers(at.preconditioned), r_dot_z],
+                [
+                    view(inverse_diagonal, model.scalar, 9 * len(inverse_diagonal)),
+                    *self._by_node,
+                    correction,
+                    *self._of_nodes,
+                    residual,
+                    iteration,
+                ],
+                [numbers(at.preconditioned), r_dot_z],
             ),
         )
 
