@@ -305,8 +305,11 @@ def cpu_grid_kernels(scalar: type) -> SimpleNamespace:
     return SimpleNamespace(restrict=restrict_kernel, prolong=prolong_kernel, dense=dense_kernel)
 
 
+BLOCK_LANES = 256
+"""Threads that share a vertex of the coarsest grid: a CUDA block. Some reach 1600 nodes, for which a launch with 32
+threads each took 13 us."""
 VERTEX_LANES = 32
-"""Threads that share a grid vertex that reaches at least this many nodes."""
+"""Threads that share a vertex of another grid whose vertices reach at least this many nodes on average."""
 FEW_LANES = 8
 """Threads that share one of the other vertices."""
 NODE_LANES = 4
@@ -429,6 +432,20 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         """Contribution of one of `apart` threads to a weighted sum."""
         ...
 
+    @wp.func_native(f"""
+    __shared__ {real} parts[{BLOCK_LANES // 32}][3];
+    if (threadIdx.x % 32 == 0)
+        for (int c = 0; c < 3; ++c) parts[threadIdx.x / 32][c] = value[c];
+    __syncthreads();
+    wp::vec_t<3, {real}> sum;
+    for (int n = 0; n < {BLOCK_LANES // 32}; ++n)
+        for (int c = 0; c < 3; ++c) sum[c] += parts[n][c];
+    return sum;
+    """)
+    def add_warps(value: vec3) -> vec3:
+        """The sum over the warps of a block, whose threads all call it, each with the sum of its warp."""
+        ...
+
     @wp.kernel(module=module, enable_backward=False)
     def step_kernel(
         first: int,
@@ -479,14 +496,21 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
     ):
         """P^T r, scaled for the `coarsest` first vertices, times D^-1 for the others.
 
-        The `far` first vertices have VERTEX_LANES threads each, the others FEW_LANES, and so have the members of
-        `node_groups` after them, whose correction it finds: a launch for them alone took a sixth of an iteration.
+        The coarsest have BLOCK_LANES threads each, the `far` next VERTEX_LANES, the others FEW_LANES, and so have
+        the members of `node_groups` after them, whose correction it finds: a launch for them alone took a sixth
+        of an iteration.
         """
         item = first + wp.tid()
-        lanes = wp.where(item < far * VERTEX_LANES, VERTEX_LANES, FEW_LANES)
-        v = wp.where(
-            item < far * VERTEX_LANES, item // VERTEX_LANES, far + (item - far * VERTEX_LANES) // FEW_LANES
-        )
+        blocks = coarsest * BLOCK_LANES
+        warps = blocks + far * VERTEX_LANES
+        lanes = wp.int32(FEW_LANES)
+        v = coarsest + far + (item - warps) // FEW_LANES
+        if item < blocks:
+            lanes = BLOCK_LANES
+            v = item // BLOCK_LANES
+        elif item < warps:
+            lanes = VERTEX_LANES
+            v = coarsest + (item - blocks) // VERTEX_LANES
         begin = wp.int32(0)
         stop = wp.int32(0)
         m = v - (row_start.shape[0] - 1)
@@ -508,7 +532,10 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
                         + inverse_of_group[at + 1] * own[1]
                         + inverse_of_group[at + 2] * own[2]
                     )
-        total = vec3(add_lanes(total[0], lanes), add_lanes(total[1], lanes), add_lanes(total[2], lanes))
+        near = wp.min(lanes, VERTEX_LANES)
+        total = vec3(add_lanes(total[0], near), add_lanes(total[1], near), add_lanes(total[2], near))
+        if item < blocks:
+            total = add_warps(total)
         if item < end and item % lanes == 0:
             if m >= 0:
                 group_correction[m] = total

@@ -21,6 +21,7 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.kernels.multigrid import (
+    BLOCK_LANES,
     CORNERS,
     FEW_LANES,
     KEPT,
@@ -248,7 +249,7 @@ class CudaLevels:
         row_start, point, weight = zip(*(grid.by_vertex for grid in coarsest_first), strict=True)
         rows = np.concatenate([np.diff(start) for start in row_start])
         self._far = sum(
-            size for size, points in zip(sizes, point, strict=True) if len(points) >= VERTEX_LANES * size
+            size for size, points in zip(sizes[1:], point[1:], strict=True) if len(points) >= VERTEX_LANES * size
         )
         self._by_vertex = (
             model.array(np.concatenate([[0], np.cumsum(rows)]), wp.int32),
@@ -286,6 +287,7 @@ class CudaLevels:
             return view(array, model.scalar, 3 * len(array))
 
         scale = view(self._scale, wp.vec3f, self._coarsest)
+        others = self._vertices - self._coarsest - self._far + self._members
         grids = [self._coarsest, self._far, *self._by_vertex, self._inverse_diagonal, scale]
         return in_sequence(
             record(
@@ -296,9 +298,10 @@ class CudaLevels:
             ),
             record(
                 kernels.restrict,
-                self._far * VERTEX_LANES + (self._vertices - self._far + self._members) * FEW_LANES,
+                self._coarsest * BLOCK_LANES + self._far * VERTEX_LANES + others * FEW_LANES,
                 [*grids, residual, *self._of_groups],
                 [view(coarsest_residual, wp.vec3f, self._coarsest), correction],
+                block=BLOCK_LANES,
             ),
             record(
                 kernels.dense,
