@@ -306,8 +306,8 @@ def cpu_grid_kernels(scalar: type) -> SimpleNamespace:
 
 
 BLOCK_LANES = 256
-"""Threads that share a vertex of the coarsest grid: a CUDA block. Some reach 1600 nodes, for which a launch with 32
-threads each took 13 us."""
+"""Threads that share a vertex of the coarsest grid: a CUDA block. Some reach 1600 nodes, for which a launch with
+32 threads each took 13 us."""
 VERTEX_LANES = 32
 """Threads that share a vertex of another grid whose vertices reach at least this many nodes on average."""
 FEW_LANES = 8
