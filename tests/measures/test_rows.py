@@ -20,7 +20,8 @@ def scaled(angles, share):
 def pose(look, spine, turn=0.0):
     """A trunk with a flat back, turned clockwise seen from above, and its spine."""
     skin = tube(flat_back() @ rotation(-turn).T, bottom=-80.0, top=440.0)
-    return TrunkState(look, skin, spine, measure(skin, spine))
+    measures = measure(skin, spine)
+    return TrunkState(look, skin, spine, measures, MeasureTable.of({look.state: measures}))
 
 
 def poses(before, planned, turned=(12.0, 4.0), **options):

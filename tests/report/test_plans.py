@@ -27,7 +27,8 @@ def pose(look, share, turn):
     """A trunk turned by an angle, and a spine with a share of a curve of 60 degrees."""
     spine = known_spine(to_left={level: share * tilt for level, tilt in CURVE.items()})
     skin = tube(flat_back() @ rotation(-turn).T, bottom=-80.0, top=440.0)
-    return TrunkState(look, skin, spine, measure(skin, spine))
+    measures = measure(skin, spine)
+    return TrunkState(look, skin, spine, measures, MeasureTable.of({look.state: measures}))
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from support.known_spine import BODY, known_spine
-from warp_trunk.report.spine_pictures import DEEP, FACES, WIDE, vertebra_boxes
+from support.trunk_shapes import flat_back, tube
+from warp_trunk.measures import measure
+from warp_trunk.measures.quantities import Measured, MeasureTable
+from warp_trunk.report.relief import BEHIND
+from warp_trunk.report.spine_pictures import DEEP, FACES, WIDE, spine_picture, vertebra_boxes
+from warp_trunk.report.style import BEFORE, TrunkState
 
 
 def test_box_leans_and_turns_as_its_vertebra():
@@ -29,3 +34,14 @@ def test_faces_look_outwards():
     for face in FACES:
         a, b, c, d = corners[list(face)]
         assert np.cross(c - a, d - b) @ (corners[list(face)].mean(axis=0) - corners.mean(axis=0)) > 0.0
+
+
+def test_angles_written_on_a_spine_are_those_of_the_table():
+    spine = known_spine(to_left={"T1": -10.0, "T5": 30.0, "T12": -30.0, "L4": 0.0})
+    skin = tube(flat_back(), bottom=-80.0, top=440.0)
+    measures = measure(skin, spine)
+    curve = measures.cobb[0]
+    table = MeasureTable([Measured("before", curve.ends, "cobb_deg", 77.0)])
+    figure = spine_picture([TrunkState(BEFORE, skin, spine, measures, table)], BEHIND, [()])
+    angles = [text.get_text() for text in figure.axes[0].texts if text.get_text().endswith("°")]
+    assert angles == ["77°"]

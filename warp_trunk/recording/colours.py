@@ -12,7 +12,7 @@ from warp_trunk.report.hump import hump_on_vertices, hump_palette, scale_limit
 from warp_trunk.report.relief import BEHIND, relief, window
 
 SKIN, BONE = (229, 194, 172), (236, 226, 198)
-BEFORE, NOW, TARGET = (128, 128, 128), (30, 130, 200), (213, 94, 0)
+GREY, NOW, TARGET = (128, 128, 128), (30, 130, 200), (213, 94, 0)
 """Grey, blue and vermilion differ for every kind of colour vision."""
 TERMS = (NOW, (0, 158, 115), TARGET, (204, 121, 167), (230, 159, 0), (86, 180, 233))
 """Of the terms of an energy; their total is grey."""

@@ -9,10 +9,10 @@ import rerun as rr
 
 from warp_trunk.engine.relaxation import Energy
 from warp_trunk.measures import TrunkMeasures
-from warp_trunk.measures.quantities import Measured, MeasureTable
+from warp_trunk.measures.quantities import BEFORE, Measured, MeasureTable, measured
 from warp_trunk.measures.rows import RESEARCH, as_markdown, measure_rows, sided
 
-from .colours import BEFORE, NOW, TARGET, TERMS, TEXT
+from .colours import GREY, NOW, TARGET, TERMS, TEXT
 
 Angles = Mapping[str, float | None]
 
@@ -61,14 +61,16 @@ class Numbers:
 
     def __init__(self, log: Callable[..., None], before: TrunkMeasures, target: TrunkMeasures, name: str) -> None:
         """Logs what never changes; `name` is that of the target: actual or target."""
-        self._log, self._before, self._target, self._name = log, before, target, name
-        self._plot = plot = BarPlot(before.bsr, target.bsr)
+        self._log, self._before, self._name = log, before, name
+        self._fixed = MeasureTable.of({BEFORE: before, name: target})
+        angles = {state: self._fixed.values(state, "bsr_deg") for state in (BEFORE, name)}
+        self._plot = plot = BarPlot(*angles.values())
         self._terms: list[str] = []
         log("error", rr.SeriesLines(names="error", colors=NOW, widths=2.0), static=True)
         names = ["upper back, to the right above 0", "lower back"]
         log("bsr", rr.SeriesLines(names=names, colors=[NOW, TARGET], widths=2.0), static=True)
-        log("bars/before", self._bars(before, BEFORE, 0), static=True)
-        log("bars/target", self._bars(target, TARGET, 2), static=True)
+        log("bars/before", self._bars(angles[BEFORE], GREY, 0), static=True)
+        log("bars/target", self._bars(angles[name], TARGET, 2), static=True)
         rows, middle = len(plot.levels), 0.5 * plot.width
         zero = [[[plot.zero, -0.7], [plot.zero, rows - 0.3]]]
         log("bars/zero", rr.LineStrips2D(zero, colors=TEXT), static=True)
@@ -80,11 +82,13 @@ class Numbers:
 
     def measures(self, now: TrunkMeasures, load_factor: float) -> None:
         """Logs rotations and the table."""
-        self._log("bars/now", self._bars(now, NOW, 1))
-        self._log("bars/angles", self._labels(ANGLES, {level: sided(a) for level, a in now.bsr.items()}, NOW))
-        most = now.max_thoracic_bsr, now.max_lumbar_bsr
+        table = self._fixed.with_rows(measured("now", now, self._before.cobb))
+        angles = table.values("now", "bsr_deg")
+        self._log("bars/now", self._bars(angles, NOW, 1))
+        self._log("bars/angles", self._labels(ANGLES, {level: sided(a) for level, a in angles.items()}, NOW))
+        most = (table.value("now", f"max_{part}_bsr_deg") for part in ("thoracic", "lumbar"))
         self._log("bsr", rr.Scalars([math.nan if angle is None else angle for angle in most]))
-        text = table(self._before, now, self._target, self._name, load_factor)
+        text = side_by_side(table, self._before, self._name, load_factor)
         self._log("table", rr.TextDocument(text, media_type="text/markdown"))
 
     def bands(self, rotations: Mapping[str, Measured]) -> None:
@@ -111,8 +115,8 @@ class Numbers:
         if 0.0 < estimated_error < math.inf:
             self._log("error", rr.Scalars(math.log10(estimated_error)))
 
-    def _bars(self, measures: TrunkMeasures, colour: tuple[int, int, int], place: int) -> Any:
-        return rr.LineStrips2D(self._plot.bars(measures.bsr, place), radii=0.5 * BAR, colors=colour)
+    def _bars(self, angles: Angles, colour: tuple[int, int, int], place: int) -> Any:
+        return rr.LineStrips2D(self._plot.bars(angles, place), radii=0.5 * BAR, colors=colour)
 
     def _labels(self, across: float, texts: Mapping[str, str], colour: tuple[int, int, int]) -> Any:
         """A text in the row of each level, at a part of the plot's width."""
@@ -125,17 +129,14 @@ def _labels(at: list[list[float]], texts: list[str], colour: tuple[int, int, int
     return rr.Points2D(at, radii=0.0, colors=colour, labels=texts, show_labels=True)
 
 
-def table(
-    before: TrunkMeasures, now: TrunkMeasures, target: TrunkMeasures, target_name: str, load_factor: float
-) -> str:
+def side_by_side(table: MeasureTable, before: TrunkMeasures, target_name: str, load_factor: float) -> str:
     """The measures that a clinic asks for first, side by side, as Markdown."""
     meaning = {
         "actual": "Actual: the skin after surgery as it was scanned.",
         "target": "Target: the planned bones, with the skin where their path alone carries it.",
     }
-    numbers = MeasureTable.of({"before": before, "now": now, target_name: target})
-    groups = measure_rows(numbers, before, ("before", "now", target_name))
+    groups = measure_rows(table, before, (BEFORE, "now", target_name))
     shown = [row for group in groups.values() for row in group if row.short]
     rows = [[f"{r.short[0].upper()}{r.short[1:]} [{r.quantity.unit}]", *r.cells()[1:]] for r in shown]
-    head = ["", "before", f"now, {100.0 * load_factor:.0f} %", target_name]
+    head = ["", BEFORE, f"now, {100.0 * load_factor:.0f} %", target_name]
     return f"{as_markdown(head, rows)}\n\n{meaning[target_name]} {RESEARCH}"

@@ -17,7 +17,7 @@ from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.measures.quantities import PREDICTED, Measured, MeasureTable
 
-from .colours import BEFORE, NOW, TARGET
+from .colours import GREY, NOW, TARGET
 from .stream import open_streams
 
 
@@ -70,7 +70,7 @@ class Recording:
         self._numbers = Numbers(self._log, before, target, name)
         scene.still("before", skin, np.zeros_like(planned), case.landmarks_before.points)
         scene.still("target", target_skin, planned, case.planned_landmarks.points)
-        scene.section("before", before, BEFORE, static=True)
+        scene.section("before", before, GREY, static=True)
         if actual:
             scene.section("target", target, TARGET, static=True)
         self._now(0, np.zeros_like(planned), before, 0.0)

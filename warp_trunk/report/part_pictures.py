@@ -14,6 +14,7 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.measures import measure
 from warp_trunk.measures.part import agreement
+from warp_trunk.measures.quantities import MeasureTable
 
 from .relief import BEHIND, FRONT, LEFT, RIGHT, Viewpoint
 from .skin_pictures import values_picture
@@ -49,7 +50,9 @@ def write_distances(path: Path, predicted: Surface, actual: Surface) -> Path:
     """Write a picture of the distances of a predicted skin from the actual one, seen from where most is seen."""
     _, distance = agreement(predicted, actual)
     view = changed_views(predicted, np.nan_to_num(np.abs(distance)))[0]
-    pose = TrunkState(PREDICTED, predicted, frame_of(predicted), measure(predicted, NO_LANDMARKS))
+    pose = TrunkState(
+        PREDICTED, predicted, frame_of(predicted), measure(predicted, NO_LANDMARKS), MeasureTable(())
+    )
     with rc_context(RC), atomic_write(path) as unfinished:
         picture = values_picture(pose, distance, view, "distance [mm], orange outside", signed=True)
         unfinished.write_bytes(file_of(picture, "png"))

@@ -12,9 +12,7 @@ import numpy as np
 from warp_trunk.bone_motion.plan import Plan, plan_words
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.errors import InputError
-from warp_trunk.measures import measure
-from warp_trunk.measures.quantities import BEFORE as BEFORE_SURGERY
-from warp_trunk.measures.quantities import DETECTABLE, LENGTH, PREDICTED, SPINE_ANGLE, WIDTH, MeasureTable
+from warp_trunk.measures.quantities import DETECTABLE, LENGTH, SPINE_ANGLE, WIDTH, MeasureTable
 from warp_trunk.measures.rows import MISSING, MeasureRow, measure_rows, number
 
 from .page import rendered
@@ -64,22 +62,23 @@ def check_plans(results: Sequence[Result]) -> None:
 def plan_poses(results: Sequence[Result]) -> list[TrunkState]:
     """The trunk before surgery, then that of every plan, measured."""
     first = results[0]
-    before, landmarks = first.skin_before, first.landmarks_before
-    poses = [TrunkState(BEFORE, before, landmarks, measure(before, landmarks))]
-    for look, result in zip(PLANS, results, strict=False):
-        skin, reached = result.skin, result.landmarks_after
-        poses.append(TrunkState(look, skin, reached, measure(skin, reached, before)))
-    return poses
+    predicted = [
+        TrunkState(look, result.skin, result.landmarks_after, result.measures, result.table)
+        for look, result in zip(PLANS, results, strict=False)
+    ]
+    return [
+        TrunkState(BEFORE, first.skin_before, first.landmarks_before, first.measures_before, first.table),
+        *predicted,
+    ]
 
 
-def plans_table(poses: Sequence[TrunkState], results: Sequence[Result]) -> MeasureTable:
+def plans_table(poses: Sequence[TrunkState]) -> MeasureTable:
     """The numbers before surgery and predicted with each plan; states are called as the poses are."""
-    states = [(BEFORE_SURGERY, results[0]), *((PREDICTED, result) for result in results)]
     return MeasureTable(
         replace(row, state=pose.look.title)
-        for pose, (state, result) in zip(poses, states, strict=True)
-        for row in result.table.rows
-        if row.state == state
+        for pose in poses
+        for row in pose.table.rows
+        if row.state == pose.look.state
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,27 +13,26 @@ from warp_trunk.engine.simulation import ON_THE_WAY
 from warp_trunk.measures.rows import sided
 
 from .relief import in_pelvis
-from .style import FAINT, INK, PREDICTED, Look, TrunkState, new_figure
+from .style import FAINT, INK, PREDICTED, TrunkState, new_figure
 
 if TYPE_CHECKING:
-    from warp_trunk.measures.quantities import MeasureTable
     from warp_trunk.results import Summary
 
 
-def rotation_plot(table: MeasureTable, looks: Mapping[str, Look], *, bands: bool = True) -> Figure:
+def rotation_plot(poses: Sequence[TrunkState], *, bands: bool = True) -> Figure:
     """The angle of every state at every level, top to bottom; a level that was not measured leaves a gap.
 
     Args:
-        table: the numbers.
-        looks: the states, before surgery first, and how each looks.
+        poses: the states, before surgery first.
         bands: whether whiskers reach as far as a number lies in 19 of 20 cases, where that is known.
     """
-    levels = list(table.column(next(iter(looks)), "bsr_deg"))
+    levels = list(poses[0].column("bsr_deg"))
     figure = new_figure(6.4, 1.4 + 0.2 * max(len(levels), 8), "constrained")
     axes = figure.subplots()
     axes.axvline(0.0, color=INK, linewidth=0.8)
-    for state, look in looks.items():
-        rows = [table.column(state, "bsr_deg").get(level) for level in levels]
+    for pose in poses:
+        look, column = pose.look, pose.column("bsr_deg")
+        rows = [column.get(level) for level in levels]
         axes.plot(
             [float("nan") if row is None or row.value is None else row.value for row in rows],
             range(len(levels)),
@@ -54,7 +53,7 @@ def rotation_plot(table: MeasureTable, looks: Mapping[str, Look], *, bands: bool
     axes.grid()
     axes.set_xlabel("← left side further back      back surface rotation [degrees]      right side further back →")
     axes.set_ylabel("vertebra")
-    figure.legend(loc="outside upper center", ncols=len(looks))
+    figure.legend(loc="outside upper center", ncols=len(poses))
     return figure
 
 
@@ -121,7 +120,7 @@ def section_plots(poses: Sequence[TrunkState]) -> Figure:
             )
             axes.plot(*contact.T, color=look.colour, marker=look.marker, linestyle="", markersize=2.8)
         axes.set_title(level, loc="left", fontsize=9, fontweight="bold", pad=2)
-        axes.set_title(_angles([pose.measures.bsr.get(level) for pose in poses]), loc="right", fontsize=8, pad=2)
+        axes.set_title(_angles([pose.number("bsr_deg", level) for pose in poses]), loc="right", fontsize=8, pad=2)
         if not axes.lines:
             axes.text(0.5, 0.4, "not measured", transform=axes.transAxes, ha="center", color=FAINT)
         axes.set_aspect("equal")

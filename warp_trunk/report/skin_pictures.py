@@ -124,9 +124,10 @@ def shoulders_picture(poses: Sequence[TrunkState]) -> Figure | None:
             outer, inner = x + sign * found.outer, x + sign * found.inner
             axes.plot([outer, inner], [z + height] * 2, color=colour, linewidth=2.2)
             axes.plot([inner, x], [z + height] * 2, color=colour, linewidth=0.8, linestyle=":")
-        words, side = "level", "right" if found.difference > 0.0 else "left"
-        if abs(found.difference) >= 0.5:
-            words = f"{side} shoulder\n{abs(found.difference):.0f} mm higher"
+        difference, words = pose.number("shoulder_difference_mm") or 0.0, "level"
+        if abs(difference) >= 0.5:
+            side = "right" if difference > 0.0 else "left"
+            words = f"{side} shoulder\n{abs(difference):.0f} mm higher"
         axes.text(x, z - 0.55 * BUST, words, ha="center", va="center", fontsize=9, color=INK)
     return figure
 
@@ -194,7 +195,7 @@ def hump_limit(poses: Sequence[TrunkState], reliefs: Sequence[Relief], seen: Win
     """Where the scale of the hump ends that holds all poses [mm]."""
     differences = [painted_difference(back, seen) for back in reliefs]
     largest = [float(np.nanmax(np.where(part > 0.5, abs(one), 0.0))) for one, part in differences]
-    return scale_limit([*largest, *(abs(pose.measures.max_hump or 0.0) for pose in poses)])
+    return scale_limit([*largest, *(abs(pose.number("max_hump_mm") or 0.0) for pose in poses)])
 
 
 def hump_picture(poses: Sequence[TrunkState], reliefs: Sequence[Relief], seen: Window, limit: float) -> Figure:
@@ -214,7 +215,7 @@ def hump_picture(poses: Sequence[TrunkState], reliefs: Sequence[Relief], seen: W
         lines(axes, seen, compared, steps.tolist(), "solid")
         lines(axes, seen, compared, (-steps[::-1]).tolist(), "dashed")
         axes.plot(*back.spine.T, "o-", color=INK, markersize=1.8, linewidth=0.7)
-        level, height = pose.measures.hump_level, pose.measures.max_hump
+        level, height = pose.measures.hump_level, pose.number("max_hump_mm")
         if level is not None and height is not None:
             tangent, z = pose.measures.tangents[level], back.spine[pose.landmarks.vertebrae().index(level)][1]
             top = None if tangent is None else hump_top(tangent)

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.measures import CobbAngle, curves_after
+from warp_trunk.measures import CobbAngle
 from warp_trunk.measures.spine import sacral_line, spine_of
 
 from .panels import Extent, panels
@@ -48,14 +48,12 @@ def spine_picture(poses: Sequence[TrunkState], view: Viewpoint, fused: Sequence[
     extent = (middle + half, middle - half, bottom, top)
     headings = [pose.look.spine[:1].upper() + pose.look.spine[1:] for pose in poses]
     figure, plots = panels(headings, extent, view, scale=50.0)
-    before = poses[0].measures
     for axes, pose, spine, joined in zip(plots, poses, placed, fused, strict=True):
         _plumb_lines(axes, pose, view, extent)
         _vertebrae(axes, spine, pose.look.colour, joined)
         if view is BEHIND:
-            angles = curves_after(before.cobb, pose.landmarks)
-            for curve, angle in zip(before.cobb, angles, strict=True):
-                _cobb(axes, spine, curve, angle)
+            for curve in poses[0].measures.cobb:
+                _cobb(axes, spine, curve, pose.number("cobb_deg", curve.ends))
         elif view is RIGHT:
             _sagittal(axes, spine, pose)
     return figure
@@ -122,10 +120,8 @@ def _across(axes: Axes, corners: np.ndarray, ring: slice, hollow: float) -> np.n
 
 def _sagittal(axes: Axes, spine: Boxes, pose: TrunkState) -> None:
     """Kyphosis behind the thoracic spine and lordosis behind the lumbar one."""
-    for angle, name, ends in (
-        (pose.measures.kyphosis["T5-T12"], "kyphosis", ("T5", "T12")),
-        (pose.measures.lordosis["L1-L5"], "lordosis", ("L1", "L5")),
-    ):
+    for name, ends in (("kyphosis", ("T5", "T12")), ("lordosis", ("L1", "L5"))):
+        angle = pose.number(f"{name}_deg", "-".join(ends))
         if angle is None or not all(end in spine for end in ends):
             continue
         bodies = [spine[end][0][:, [0, 2]] for end in ends]

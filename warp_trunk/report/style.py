@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import io
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures import TrunkMeasures
+from warp_trunk.measures import TrunkMeasures, quantities
+from warp_trunk.measures.quantities import Measured, MeasureTable
 
 if TYPE_CHECKING:
     import numpy as np
@@ -54,6 +56,8 @@ class Look:
     """Its lines."""
     spine: str = "planned"
     """The name of its spine: that of a prediction is planned."""
+    state: str = quantities.PREDICTED
+    """The name of the state in a table of numbers."""
 
     @property
     def heading(self) -> str:
@@ -61,11 +65,11 @@ class Look:
         return self.title[:1].upper() + self.title[1:]
 
 
-BEFORE = Look("before surgery", "#9a9a9a", "o", "--", "before surgery")
+BEFORE = Look("before surgery", "#9a9a9a", "o", "--", "before surgery", quantities.BEFORE)
 PREDICTED = Look("predicted", "#005a96", "s", "-")
 BETTER = Look("likely better", "#005a96", "s", "-")
 WORSE = Look("likely worse", "#005a96", "s", "-")
-ACTUAL = Look("actual, after surgery", "#d55e00", "^", ":")
+ACTUAL = Look("actual, after surgery", "#d55e00", "^", ":", state=quantities.ACTUAL)
 PLANS = (
     Look("plan A", "#005a96", "s", "-", "plan A"),
     Look("plan B", "#d55e00", "^", "-", "plan B"),
@@ -86,11 +90,21 @@ class TrunkState:
     landmarks: Landmarks
     """The landmarks that go with it [mm]."""
     measures: TrunkMeasures
-    """Its measures."""
+    """Where it was measured: lines, points and levels."""
+    table: MeasureTable
+    """Its numbers, which pictures write."""
     unseen: np.ndarray | None = None
     """1 for vertices of the skin that were not measured, else 0, shape (vertices,); None where all were."""
     worn: Worn | None = None
     """How it is shown dressed; None for a part of the body, which has no clothes."""
+
+    def column(self, quantity: str) -> Mapping[str, Measured]:
+        """The rows of a quantity by level, top to bottom."""
+        return self.table.column(self.look.state, quantity)
+
+    def number(self, quantity: str, level: str = "") -> float | None:
+        """A single value; None where it is missing."""
+        return self.table.value(self.look.state, quantity, level)
 
 
 @dataclass(frozen=True, eq=False)

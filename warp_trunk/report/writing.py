@@ -20,7 +20,7 @@ from warp_trunk.io.folders import make_writable
 from warp_trunk.io.result_files import PAGE, PICTURES, picture_source
 from warp_trunk.measures import compare_skins, measure
 from warp_trunk.measures.part import agreement
-from warp_trunk.measures.quantities import LIKELY
+from warp_trunk.measures.quantities import LIKELY, MeasureTable
 from warp_trunk.measures.skin_quality import skin_change
 
 from . import skin_pictures as skins
@@ -90,7 +90,7 @@ def _whole(result: Result, folder: Path, bare: bool) -> str:
         "shoulders": skins.shoulders_picture(poses),
         "spine_behind": spine_picture(poses[:2], BEHIND, fused),
         "spine_side": spine_picture(poses[:2], RIGHT, fused),
-        "rotation": rotation_plot(result.table, dict(zip(STATES, (pose.look for pose in poses), strict=False))),
+        "rotation": rotation_plot(poses),
         "sure": skins.sure_picture(poses[1], result.skin_sd),
         "stretch_behind": skins.stretch_picture(poses[1], change, BEHIND),
         "stretch_front": skins.stretch_picture(poses[1], change, FRONT)
@@ -115,7 +115,9 @@ def _likely(predicted: TrunkState, worse: np.ndarray, sd: float) -> list[TrunkSt
     found = []
     for look, sign in ((BETTER, -1.0), (WORSE, 1.0)):
         skin = predicted.skin.moved(predicted.skin.vertices + sign * worse)
-        found.append(TrunkState(look, skin, predicted.landmarks, measure(skin, predicted.landmarks)))
+        measures = measure(skin, predicted.landmarks)
+        table = MeasureTable.of({look.state: measures})
+        found.append(TrunkState(look, skin, predicted.landmarks, measures, table))
     better, own, worst = (abs(one.measures.max_hump or 0.0) for one in (found[0], predicted, found[1]))
     expected = LIKELY * sd
     change = own - max(better, 0.0) if own > expected else expected, worst - own
@@ -163,12 +165,12 @@ def write_comparison(results: Sequence[Result], out: str | Path | None = None, *
     folder, poses = _prepare(out, PLANS_PICTURES), dressed(plan_poses(results))
     with rc_context(RC):
         figures, trunk = _backs(poses, bare=bare)
-        plans, table = [plan_of_result(result) for result in results], plans_table(poses, results)
+        plans, table = [plan_of_result(result) for result in results], plans_table(poses)
         fused = [(), *(() if plan is None else fused_levels(plan) for plan in plans)]
         figures |= {
             "spine_behind": spine_picture(poses, BEHIND, fused),
             "spine_side": spine_picture(poses, RIGHT, fused),
-            "rotation": rotation_plot(table, {pose.look.title: pose.look for pose in poses}, bands=False),
+            "rotation": rotation_plot(poses, bands=False),
         }
         drawings = _drawn(figures, folder)
     return _write(out / PLANS_PAGE, plans_page(table, poses, results, plans, drawings, trunk).encode())
@@ -192,14 +194,13 @@ def poses_of(result: Result) -> list[TrunkState]:
     Raises:
         InputError: a skin or landmarks that cannot be measured.
     """
-    before, predicted, actual = result.skin_before, result.skin, result.actual_skin
-    planned, reached = result.landmarks_before, result.landmarks_after
+    planned, reached, table, unseen = result.landmarks_before, result.landmarks_after, result.table, result.unseen
     poses = [
-        TrunkState(BEFORE, before, planned, measure(before, planned), result.unseen),
-        TrunkState(PREDICTED, predicted, reached, measure(predicted, reached, before), result.unseen),
+        TrunkState(BEFORE, result.skin_before, planned, result.measures_before, table, unseen),
+        TrunkState(PREDICTED, result.skin, reached, result.measures, table, unseen),
     ]
-    if actual is not None:
-        poses.append(TrunkState(ACTUAL, actual, reached, measure(actual, reached)))
+    if (actual := result.actual_skin) is not None:
+        poses.append(TrunkState(ACTUAL, actual, reached, measure(actual, reached), table))
     return poses
 
 
