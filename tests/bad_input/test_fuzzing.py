@@ -30,11 +30,12 @@ from warp_trunk.case.tissue_file import read_tissue_file
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.io.exchange import read_volume, write_volume
 from warp_trunk.io.image_files.image_reader import read_labels, read_scan
 from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.io.transform_file import read_transform
 from warp_trunk.io.trunk_file import read_trunk
+from warp_trunk.io.volume_reader import read_volume
+from warp_trunk.io.volume_writer import write_volume
 from warp_trunk.meshing import cache
 from warp_trunk.meshing.layers import labels_from_mesh
 from warp_trunk.preparation.label_maps.names import label_table

@@ -10,7 +10,7 @@ from support.models import model_of, settle
 from support.small_trunk import small_case
 from warp_trunk.bone_motion.prescribed_motion import spline_path
 from warp_trunk.engine.tissue import Tissue
-from warp_trunk.io.exchange import write_volume
+from warp_trunk.io.volume_writer import write_volume
 
 pytestmark = pytest.mark.slow
 

@@ -18,11 +18,10 @@ from warp_trunk.geometry.surface import Surface, check_surface
 from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume
 
 from .anatomy import region
-from .axes import MILLIMETRES
+from .axes import MILLIMETRES, check_axes, exchanged_pairs, fitting, misplaced
 from .landmark_checks import check_frame, check_motion, check_on_bones, check_order, check_shapes
 from .landmarks import ASIS, VERTEBRA_POINTS, Landmarks, bone_of
 from .motions import check_motions
-from .orientation import check_axes, exchanged_pairs, fitting, misplaced
 from .points import check_points
 from .skin_checks import arm_warnings, check_second_skin
 

@@ -11,11 +11,11 @@ from warp_trunk.case.layers import NAMES
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import atomic_write
-from warp_trunk.io.exchange import ENDINGS, write_volume
 from warp_trunk.io.file_access import check_place
 from warp_trunk.io.result_files import TRUNK
 from warp_trunk.io.surface_files.morph import skin_glb
 from warp_trunk.io.trunk_file import read_trunk
+from warp_trunk.io.volume_writer import ENDINGS, write_volume
 from warp_trunk.recording import view_result
 from warp_trunk.results import read_result, read_summary
 from warp_trunk.run.progress import Progress

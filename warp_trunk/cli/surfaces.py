@@ -10,11 +10,10 @@ import tyro
 from tyro.conf import Positional, UseAppendAction
 
 from warp_trunk.case import write_case
-from warp_trunk.case.axes import MILLIMETRES
+from warp_trunk.case.axes import MILLIMETRES, check_bones
 from warp_trunk.case.folders import HEADER, is_case, refuse_case
 from warp_trunk.case.header import read_header
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
-from warp_trunk.case.orientation import check_bones
 from warp_trunk.case.uncertainty import state_bone_landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface_checks import enclosed_volume

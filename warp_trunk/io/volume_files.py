@@ -37,7 +37,7 @@ def read_mesh(path: Path) -> Any:
     # meshio.read would end the program on a file that is damaged
     readers: dict[str, Callable[[str], Any]] = {
         ".vtu": _read_vtu,
-        ".vtk": _read_vtk,
+        ".vtk": lambda name: read_vtk_grid(Path(name).read_bytes()),
         ".xdmf": meshio.xdmf.read,
         ".msh": meshio.gmsh.read,
         ".inp": meshio.abaqus.read,
@@ -80,25 +80,3 @@ def _read_vtu(path: str) -> Any:
         head = head.replace(b'type="String"', b'type="Int8"').replace(b"<Array", b"<DataArray")
         file.write_bytes(head.replace(b"</Array>", b"</DataArray>") + begin + rest)
         return meshio.vtu.read(str(file))
-
-
-def _read_vtk(path: str) -> Any:
-    """The points, data and cells of the first order of a legacy file of VTK, as a meshio.Mesh."""
-    import meshio  # heavy
-
-    grid = read_vtk_grid(Path(path).read_bytes())
-    sizes = np.diff(grid.ends, prepend=0)
-    cells: list[Any] = []
-    numbers: list[np.ndarray] = []
-    tables: Any = meshio
-    for kind in np.unique(grid.types):
-        these = np.flatnonzero(grid.types == kind)
-        name = tables._vtk_common.vtk_to_meshio_type.get(int(kind), "")
-        size = tables._mesh.num_nodes_per_cell.get(name)
-        if size is None or (sizes[these] != size).any():
-            raise ValueError(f"its cells of type {kind} are not read; mesh with tetrahedra")
-        cells.append((name, grid.corners[(grid.ends[these] - size)[:, None] + np.arange(size)]))
-        numbers.append(these)
-    cell_data: Any = {name: [values[some] for some in numbers] for name, values in grid.cell_data.items()}
-    data: Any = grid.point_data
-    return meshio.Mesh(grid.points, cells, point_data=data, cell_data=cell_data)

@@ -24,7 +24,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.colours import coloured_from
 from warp_trunk.geometry.spline import spline_response
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.io.exchange import read_volume
+from warp_trunk.io.volume_reader import read_volume
 from warp_trunk.meshing import make_trunk
 from warp_trunk.meshing.joints import free_joints
 from warp_trunk.meshing.layers import LayersFrom, check_labels, layered

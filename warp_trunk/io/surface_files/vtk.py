@@ -11,8 +11,8 @@ import base64
 import lzma
 import re
 import zlib
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -51,26 +51,11 @@ def read_vtk(content: bytes) -> tuple[np.ndarray, np.ndarray]:
     return points, faces
 
 
-@dataclass(frozen=True, eq=False)
-class VtkGrid:
-    """An unstructured grid of a legacy file."""
+def read_vtk_grid(content: bytes) -> Any:
+    """An unstructured grid as a meshio.Mesh: points, cells of the first order, and the data of both.
 
-    points: np.ndarray
-    """Shape (points, 3)."""
-    corners: np.ndarray
-    """Point numbers of all cells, one after the other."""
-    ends: np.ndarray
-    """Where each cell ends among them, shape (cells,)."""
-    types: np.ndarray
-    """VTK's number of the type of each cell, shape (cells,)."""
-    point_data: dict[str, np.ndarray]
-    """Numbers at the points by name, each (points,) or (points, components)."""
-    cell_data: dict[str, np.ndarray]
-    """The same of the cells."""
-
-
-def read_vtk_grid(content: bytes) -> VtkGrid:
-    """An unstructured grid; ValueError for another kind of data set, or fewer numbers than it says.
+    Raises:
+        ValueError: another kind of data set, cells of another kind, or fewer numbers than it says.
 
     A reader of our own: meshio 5.3 fails at the field data and the METADATA that VTK 9 and ParaView write.
     """
@@ -104,7 +89,32 @@ def read_vtk_grid(content: bytes) -> VtkGrid:
             values[name] = array[:, 0] if array.ndim == 2 and array.shape[1] == 1 else array
             if len(array) != length:
                 raise ValueError(f"{name!r} has {len(array)} rows, {length} were expected")
-    return VtkGrid(**found, point_data=data["POINT_DATA"], cell_data=data["CELL_DATA"])
+    return _meshio_mesh(**found, point_data=data["POINT_DATA"], cell_data=data["CELL_DATA"])
+
+
+def _meshio_mesh(
+    points: np.ndarray,
+    corners: np.ndarray,
+    ends: np.ndarray,
+    types: np.ndarray,
+    point_data: Any,
+    cell_data: Mapping[str, np.ndarray],
+) -> Any:
+    """The mesh of cells whose corners stand one after the other, each up to its end."""
+    import meshio  # heavy
+
+    tables: Any = meshio
+    sizes, cells, numbers = np.diff(ends, prepend=0), list[Any](), list[np.ndarray]()
+    for kind in np.unique(types):
+        these = np.flatnonzero(types == kind)
+        name = tables._vtk_common.vtk_to_meshio_type.get(int(kind), "")
+        size = tables._mesh.num_nodes_per_cell.get(name)
+        if size is None or (sizes[these] != size).any():
+            raise ValueError(f"its cells of type {kind} are not read; mesh with tetrahedra")
+        cells.append((name, corners[(ends[these] - size)[:, None] + np.arange(size)]))
+        numbers.append(these)
+    of_cells: Any = {name: [values[some] for some in numbers] for name, values in cell_data.items()}
+    return meshio.Mesh(points, cells, point_data=point_data, cell_data=of_cells)
 
 
 def _opened(content: bytes, dataset: str, cure: str) -> _File:

@@ -12,10 +12,10 @@ import numpy as np
 
 from warp_trunk.case import Case
 from warp_trunk.case.anatomy import VERTEBRAE, of_trunk, rib_of
+from warp_trunk.case.axes import misplaced
 from warp_trunk.case.case import POSTURES
 from warp_trunk.case.landmarks import ASIS, NO_LANDMARKS
 from warp_trunk.case.layers import Layers
-from warp_trunk.case.orientation import misplaced
 from warp_trunk.case.uncertainty import ON_BONES, Uncertainty
 from warp_trunk.errors import InputError, check_ranges
 from warp_trunk.geometry.coarsening import without_slivers

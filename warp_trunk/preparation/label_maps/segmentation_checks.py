@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from warp_trunk.case.anatomy import SIDES, VERTEBRAE, rib_of
-from warp_trunk.case.orientation import exchanged_pairs, misplaced
+from warp_trunk.case.axes import exchanged_pairs, misplaced
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume
 

@@ -12,9 +12,10 @@ from support.small_trunk import boned_case, small_trunk
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.io.exchange import read_volume, write_volume
 from warp_trunk.io.surface_files.space import stated_space
 from warp_trunk.io.volume_files import read_mesh
+from warp_trunk.io.volume_reader import read_volume
+from warp_trunk.io.volume_writer import write_volume
 
 TISSUE = Tissue(youngs_modulus=12.0, poisson_ratio=0.4, density=950.0)
 

@@ -15,8 +15,8 @@ from warp_trunk.geometry.distance_field import SurfaceDistance, nearest_surface
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import check_solid, linked_parts
 
-from ..trunk_file import read_trunk
-from ..volume_files import read_mesh
+from .trunk_file import read_trunk
+from .volume_files import read_mesh
 
 OFF_SURFACE = 10.0
 """How far the mesh's surfaces may be from those of the case [mm]; further is another frame, unit or patient."""
