@@ -12,6 +12,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from .conjugate_gradient import find_alpha
+from .node_groups import MEMBERS
 from .sparse import four_types
 from .vectors import lane_reducer, sum_reducer
 
@@ -310,8 +311,8 @@ BLOCK_LANES = 256
 32 threads each took 13 us."""
 VERTEX_LANES = 32
 """Threads that share a vertex of another grid whose vertices reach at least this many nodes on average."""
-FEW_LANES = 8
-"""Threads that share one of the other vertices."""
+FEW_LANES = MEMBERS
+"""Threads that share one of the other vertices; or a row of a group's block, each with a node."""
 NODE_LANES = 4
 """Threads that share a node, each for whole cells that it lies in; three write a component."""
 ROW_LANES = 32

@@ -245,7 +245,10 @@ def _estimate(run: Run, planned: Plan, solution: LinearSolution, policy: Policy)
         run.left = solution.norm / run.norm * before
         run.steps.append(Step(before, max(run.left, length)))
     run.contraction = length / before if 0.0 < before < math.inf else math.inf
-    left = min(run.contraction, policy.slowest) if before < math.inf else policy.first
+    fallen = (
+        solution.norm / run.norm if run.norm else 0.0
+    )  # less than the length, where stiff motions hide soft ones
+    left = min(max(run.contraction, fallen), policy.slowest) if before < math.inf else policy.first
     run.length, run.norm, run.solved = length, solution.norm, True
     run.phase = Phase.TRUE if planned.true else Phase.PROJECTED
     run.distance = run.floor + length * max(1.0, left / (1.0 - left))
