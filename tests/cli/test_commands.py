@@ -1,16 +1,34 @@
-"""The commands by name, words that are typed wrongly, and command lines to paste."""
+"""The command line: its commands, flags and exit statuses, and one line for an error."""
 
+import json
 import shlex
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
+from dataclasses import fields, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from support.blocks import spine_and_hips
+from support.small_case import small_case
+from warp_trunk.case import write_case
+from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.cli import main
 from warp_trunk.cli.arguments import ONLY_IN_PYTHON
 from warp_trunk.cli.commands import COMMANDS, load
-from warp_trunk.cli.output import next_command
+from warp_trunk.cli.output import BAD_INPUT, NOT_CONVERGED, OK, next_command
+from warp_trunk.cli.simulate import COMMON
+from warp_trunk.engine.relaxation import RelaxOptions
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.geometry.coarsening import coarsen
+from warp_trunk.io.surface_files import write_surface
+from warp_trunk.measures import cobb_angles
+from warp_trunk.meshing import MeshOptions
+from warp_trunk.preparation.phantom import straight_trunk
+from warp_trunk.recording import viewer
+from warp_trunk.run.options import RunOptions
 
 LOADED = """
 import sys
@@ -74,3 +92,109 @@ TYPOS = [
 @pytest.mark.parametrize(("arguments", "said"), TYPOS)
 def test_a_typo_is_told_in_one_line(arguments, said, refused):
     assert not set(refused(arguments, *said)) & set("╭│─\x1b")
+
+
+def flags(text: str) -> set[str]:
+    """The options that a help lists, without the other halves of switches."""
+    words = [row.strip("│ ").split(" ")[0].strip(",") for row in text.splitlines()]
+    return {word for word in words if word.startswith("--")}
+
+
+def test_help_shows_what_people_set_and_the_whole_help_the_rest(capsys: pytest.CaptureFixture[str]) -> None:
+    said = {}
+    for word in ("--help", "--help-all"):
+        with pytest.raises(SystemExit) as end:
+            main(["simulate", word])
+        assert end.value.code == 0
+        said[word] = capsys.readouterr().out
+    short, whole = flags(said["--help"]), flags(said["--help-all"])
+    assert 10 <= len(short) <= 17
+    assert short < whole
+    assert {f"--{name.replace('_', '-')}" for name in COMMON} | {
+        "--out",
+        "--plan",
+        "--align-pelvis",
+        "--papers",
+    } <= short
+    options = {field.name for kind in (RunOptions, MeshOptions, RelaxOptions, Tissue) for field in fields(kind)}
+    shown = {flag.removeprefix("--").replace("-", "_") for flag in whole}
+    assert options - {"mesh", "simulation"} - shown == ONLY_IN_PYTHON
+    assert "--help-all" in said["--help"]
+    assert "Requested number of tetrahedra" in said["--help"]  # documented at the field of the option
+
+
+@pytest.fixture(scope="module")
+def commands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., int]]:
+    """Simulates a case folder by its command, with a mesh of a few thousand tetrahedra that is made once."""
+    folder = tmp_path_factory.mktemp("commands")
+    case = small_case()
+    write_case(folder / "case", replace(case, skin=coarsen(case.skin, 40.0, 4.0)))
+
+    def simulate(out: Path, *flags: str) -> int:
+        quick = ("--tets=8000", "--increments=2", "--device=cpu", "--threads=1")
+        return main(["simulate", str(folder / "case"), "--out", str(out), *quick, *flags])
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("WARP_TRUNK_CACHE", str(folder / "cache"))
+        yield simulate
+
+
+def test_flags_reach_the_run_and_the_rest_is_the_cases(commands: Callable[..., int], tmp_path: Path) -> None:
+    flags = (
+        "--precision=float64",
+        "--max-steps=400",
+        "--tolerance=50",
+        "--density=900",
+        "--gravity=9.81",
+        "--no-record",
+    )
+    assert commands(tmp_path, *flags) == OK
+    parameters = json.loads((tmp_path / "summary.json").read_text())["parameters"]
+    assert parameters | {
+        "tets": 8000, "increments": 2, "device": "cpu", "precision": "float64", "threads": 1,
+        "max_steps": 400, "tolerance": 50.0, "density": 900.0, "record": False,
+        "poisson_ratio": small_case().tissue.poisson_ratio,
+    } == parameters  # fmt: skip
+    assert not (tmp_path / "recording.rrd").exists()
+    assert commands(tmp_path / "short", "--max-steps=1", "--tolerance=1e-4", "--no-record") == NOT_CONVERGED
+
+
+def test_make_case_writes_a_case_of_the_curve_asked_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    skin, bones = straight_trunk()[0], spine_and_hips()
+    (tmp_path / "bones").mkdir()
+    for name, surface in bones.items():
+        write_surface(tmp_path / "bones" / f"{name}.ply", surface)
+    (tmp_path / "bones" / "SOURCE.md").write_text("not a bone")
+    write_surface(tmp_path / "skin.ply", skin)
+    flags = ["--curve=double_major", "--cobb=45", "--correction=0.6", "--direction=left"]
+    files = ["--skin", str(tmp_path / "skin.ply"), "--bones", str(tmp_path / "bones")]
+    assert main(["make-case", *files, "--out", str(tmp_path / "case"), *flags]) == OK
+    assert "warp-trunk simulate" in capsys.readouterr().out
+    assert {path.stem for path in (tmp_path / "case" / "bones").iterdir()} == set(bones)
+    before, after = (read_landmarks(tmp_path / "case" / f"landmarks_{when}.csv") for when in ("before", "after"))
+    for landmarks, cobb in ((before, 45.0), (after, 0.4 * 45.0)):
+        assert max(curve.angle for curve in cobb_angles(landmarks)) == pytest.approx(cobb, abs=2.0)
+    thoracic, lumbar = (before.of_bone(bone).points[:, 0].mean() for bone in ("T8", "L2"))
+    assert lumbar < 0.0 < thoracic  # the thoracic curve is convex to the left, the lumbar one to the right
+
+
+def test_view_opens_the_recording_on_the_loopback_address_only(tmp_path, monkeypatch, capsys):
+    (tmp_path / "recording.rrd").write_bytes(b"")
+    started = []
+
+    def run(command, env, check):
+        started.append(command)
+        return SimpleNamespace(returncode=0)
+
+    monkeypatch.setattr(viewer, "subprocess", SimpleNamespace(run=run))  # Warp asks others of the machine
+    monkeypatch.setenv("DISPLAY", ":0")
+    assert main(["view", str(tmp_path)]) == OK
+    (command,) = started
+    assert command[command.index("--bind") + 1] == "127.0.0.1"
+    assert command[-1] == str(tmp_path / "recording.rrd")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+        monkeypatch.delenv(name, raising=False)
+    assert main(["view", str(tmp_path)]) == BAD_INPUT
+    assert "there is no display for the viewer's window; use `view --web`" in capsys.readouterr().err
