@@ -6,6 +6,7 @@ import pytest
 
 from support.refusals import refuses
 from support.small_case import small_case
+from support.there import there
 from warp_trunk.case.layers import Layers
 from warp_trunk.case.tissue_file import constant_of, read_tissue_file, with_constants, write_tissue_file
 
@@ -15,8 +16,7 @@ GIVEN = {"poisson_ratio": 0.1 + 0.2, "fat.youngs_modulus": 3.25, "ribs.reversibl
 def test_what_is_set_is_there():
     case = with_constants(small_case(), GIVEN)
     assert {name: constant_of(case, name) for name in GIVEN} == GIVEN
-    assert case.layers is not None
-    skin, fat, muscle = case.layers.tissues(case.tissue)
+    skin, fat, muscle = there(case.layers).tissues(case.tissue)
     assert (skin.youngs_modulus, fat.youngs_modulus, muscle.youngs_modulus) == (130.0, 3.25, 10.0)
     assert fat.poisson_ratio == 0.1 + 0.2
     assert case.tissue.theta == small_case().tissue.theta
@@ -26,8 +26,7 @@ def test_constants_of_the_ribs_make_no_layers_and_those_of_layers_stay():
     assert with_constants(small_case(), {"ribs.axial_rotation": 0.5, "epsilon": 2.0}).layers is None
     layers = Layers(constants={"fat": {"density": 900.0, "youngs_modulus": 1.0}})
     case = with_constants(replace(small_case(), layers=layers), {"fat.youngs_modulus": 2.0})
-    assert case.layers is not None
-    assert case.layers.constants == {"fat": {"density": 900.0, "youngs_modulus": 2.0}}
+    assert there(case.layers).constants == {"fat": {"density": 900.0, "youngs_modulus": 2.0}}
     assert constant_of(small_case(), "fat.youngs_modulus") == 2.5  # the default of a layer
 
 

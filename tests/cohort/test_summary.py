@@ -94,10 +94,9 @@ def test_levels_hump_and_trends():
     t5 = found.levels["T5"]
     assert (t5.error.mean, t5.error.sd, t5.bias, t5.nothing_changes, t5.spline) == (1.0, 0.0, 1.0, 6.5, 4.0)
     assert found.levels["L2"].bias == -2.0  # -1 and -3
-    assert found.hump is not None
-    assert (found.hump.error.mean, found.hump.agreement.bias) == (3.0, -2.0)  # +1 and -5
-    assert found.agreement is not None
-    assert (found.agreement.pairs, found.agreement.bias) == (5, pytest.approx((1 - 3 - 1 + 1 - 3) / 5))
+    hump, agreement = there(found.hump), there(found.agreement)
+    assert (hump.error.mean, hump.agreement.bias) == (3.0, -2.0)  # +1 and -5
+    assert (agreement.pairs, agreement.bias) == (5, pytest.approx((1 - 3 - 1 + 1 - 3) / 5))
     assert found.trends["cobb_deg"] is None  # two cases have no trend
     assert found.trends["months_after"] is None
 

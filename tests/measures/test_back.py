@@ -38,8 +38,7 @@ def test_open_back_of_known_twist():
     found = measure_back(back, marks)
     assert (found.pelvis, found.spine) == ("ASIS", "landmarks")
     for level, one in found.levels.items():
-        assert one is not None
-        assert one.rotation == pytest.approx(LEVELS[level] / 20.0, abs=0.001)
+        assert there(one).rotation == pytest.approx(LEVELS[level] / 20.0, abs=0.001)
 
 
 def test_closed_skin_has_the_numbers_of_measure():
@@ -75,8 +74,7 @@ def test_points_and_a_line_of_bodies():
     points = np.column_stack([x, 100.0 - np.tan(np.radians(8.0)) * x, z])
     found = measure_back(points, line(60.0), markers())
     assert found.spine == "body line"
-    for one in found.levels.values():
-        assert one is not None
+    for one in map(there, found.levels.values()):
         assert (one.rotation, one.slope) == (pytest.approx(8.0, abs=1e-6), pytest.approx(8.0, abs=1e-6))
 
 
@@ -90,9 +88,7 @@ def test_markers_on_the_skin_do_not_turn_the_back():
     for place in ([-55.0, 185.0], [-55.0, 135.0]):
         marked[:, 1] += np.where(np.hypot(x - place[0], z - place[1]) < 6.0, 5.0, 0.0)
     found = [measure_back(one, line(60.0), markers()).levels for one in (smooth, marked)]
-    for without, with_them in zip(*(one.values() for one in found), strict=True):
-        assert without is not None
-        assert with_them is not None
+    for without, with_them in zip(*(map(there, one.values()) for one in found), strict=True):
         assert with_them.rotation == pytest.approx(without.rotation, abs=0.1)
         assert with_them.slope == pytest.approx(without.slope, abs=0.1)
 

@@ -47,10 +47,7 @@ def test_arms_cut_off_spoil_the_flanks_only():
     whole = tube(ellipse(), rows=40)
     cut = Surface(np.clip(whole.vertices, [-142.0, -1e3, -1e3], [142.0, 1e3, 1e3]), whole.faces)
     _, statistics = compared(cut, whole)
-    back, front, flanks = (statistics[region] for region in ("back", "front", "flanks"))
-    assert back is not None
-    assert front is not None
-    assert flanks is not None
+    back, front, flanks = (there(statistics[region]) for region in ("back", "front", "flanks"))
     assert max(back.maximum, front.maximum) < 1e-3
     assert flanks.signed_mean < -3.0
     assert flanks.symmetric_maximum == pytest.approx(8.0, abs=0.1)

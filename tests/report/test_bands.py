@@ -22,14 +22,8 @@ def test_every_measure_with_a_band_has_its_row(tmp_path: Path) -> None:
     read = read_result(write_small_result(tmp_path, found=FOUND))
     table = band_table(read.table, BANDS)
     rows = {row[0]: row[1:] for row in table}
-    assert rows["Rotation of the back (BSR) at T4 [°]"] == [
-        "12 right",
-        "1.5",
-        "9.1 right",
-        "15 right",
-        "0.5",
-        "no",
-    ]
+    of_t4 = rows["Rotation of the back (BSR) at T4 [°]"]
+    assert of_t4 == ["12 right", "1.5", "9.1 right", "15 right", "0.5", "no"]
     assert [row[1] for row in table if row[0].startswith("Hump")] == ["11 right"]
     assert source_table(BANDS) == [["landmarks", "2.1 +- 1.5 mm", "1.4", "0.7", "section <5.2> of [2]"]]
     assert all(len(row) == len(BAND_HEAD) for row in table)

@@ -69,9 +69,7 @@ def test_a_shirt_shows_no_small_peak_of_the_skin(tmp_path: Path) -> None:
 
     def highest(one: TrunkState) -> tuple[float, float]:
         """How far the cloth stands out, and its sharpest bend from row to row [mm]."""
-        dress = dressed([one])[0]
-        assert dress.worn is not None
-        depth = -dress.worn.cloth[:, 3 * COLUMNS // 4, 1]
+        depth = -there(dressed([one])[0].worn).cloth[:, 3 * COLUMNS // 4, 1]
         return depth.max(), float(np.abs(np.diff(depth[SHORTS + 5 : -15], 2)).max())
 
     (flat, _), (out, bent) = highest(pose), highest(peaked)

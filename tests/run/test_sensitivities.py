@@ -10,7 +10,6 @@ from support.anatomy import anatomy
 from support.phantoms import coarse_mesh, coarse_phantom, whole_phantom
 from support.small_trunk import LEVELS, boned_case
 from warp_trunk.case import Case
-from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.layers import FAT_THICKNESS, SKIN_THICKNESS, Layers
 from warp_trunk.engine.energies.by_name import EnergyName
 from warp_trunk.engine.relaxation import RelaxOptions
@@ -61,14 +60,11 @@ class Simulated:
 
     def with_landmarks(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
         """The numbers where landmarks have moved."""
+        marks, planned = self.case.landmarks_before, self.case.planned_landmarks
         case = replace(
             self.case,
-            landmarks_before=Landmarks(
-                self.case.landmarks_before.names, self.case.landmarks_before.points + before
-            ),
-            landmarks_after=Landmarks(
-                self.case.landmarks_before.names, self.case.planned_landmarks.points + after
-            ),
+            landmarks_before=replace(marks, points=marks.points + before),
+            landmarks_after=replace(marks, points=planned.points + after),
         )
         return self.numbers(self.relaxed(prepare_plan(self.prediction.patient, case)))
 

@@ -43,9 +43,8 @@ def differs(
         ends = []
         for sign in (1.0, -1.0):
             moved = Surface(skin.vertices + sign * STEP * along[0], skin.faces)
-            value = number(measure(moved, Landmarks(landmarks.names, landmarks.points + sign * STEP * along[1])))
-            assert value is not None
-            ends.append(value)
+            marks = Landmarks(landmarks.names, landmarks.points + sign * STEP * along[1])
+            ends.append(there(number(measure(moved, marks))))
         predicted = np.vdot(found.vertices, along[0]) + np.vdot(found.landmarks, along[1])
         pairs.append((float(predicted), (ends[0] - ends[1]) / (2.0 * STEP)))
     return pairs
@@ -85,9 +84,6 @@ def test_hump(level: str) -> None:
 
 def test_shoulders() -> None:
     skin, landmarks = rough(), CASE.landmarks_before
-    found = shoulder_derivative(skin, landmarks)
-    measured = measure(skin, landmarks).shoulders
-    assert found is not None
-    assert measured is not None
-    assert found.value == pytest.approx(measured.difference, abs=1e-12)
+    found = there(shoulder_derivative(skin, landmarks))
+    assert found.value == pytest.approx(there(measure(skin, landmarks).shoulders).difference, abs=1e-12)
     agree(differs(lambda m: None if m.shoulders is None else m.shoulders.difference, found, skin, landmarks))
