@@ -10,8 +10,9 @@ import numpy as np
 from warp_trunk.geometry.distance_field import nearest
 from warp_trunk.geometry.normals import vertex_areas, vertex_normals
 from warp_trunk.geometry.spline import fit_spline, spread_centres
-from warp_trunk.geometry.surface import Surface, directed_edges
+from warp_trunk.geometry.surface import Surface
 
+from ..scanning.fitting import places, solved, thin_plate
 from .scan import BackScan
 
 NUGGETS = (60.0, 30.0, 10.0)
@@ -118,38 +119,20 @@ def draw_to_scan(skin: Surface, scan: BackScan) -> Surface:
         skin: closed, near the points; its triangles stay.
         scan: the points of the trunk.
     """
-    from scipy.sparse import coo_array, csr_array, diags_array  # heavy
-    from scipy.sparse.linalg import splu
+    from scipy.sparse import diags_array  # heavy
 
-    count, start = len(skin.vertices), skin.vertices
-    first, second = directed_edges(skin.faces)
-    valence = np.bincount(first, minlength=count)
     area = np.linalg.norm(vertex_areas(skin), axis=1)
-    step = start[second] - start[first]
-    square = np.bincount(first, np.einsum("ei,ei->e", step, step), minlength=count) / valence
-    # the mean of the neighbours less the vertex is a quarter of the squared edge length times the Laplacian
-    scale = 4.0 * np.sqrt(area) / square
-    mean = coo_array((scale[first] / valence[first], (first, second)), shape=(count, count)).tocsr()
-    laplacian = mean - diags_array(scale)
-    smooth = SMOOTHING**4 * (laplacian.T @ laplacian) + (SMOOTHING / _FADES) ** 4 * diags_array(area)
-    moved = start
+    smooth = SMOOTHING**4 * thin_plate(skin) + (SMOOTHING / _FADES) ** 4 * diags_array(area)
+    start = moved = skin.vertices
     for _ in range(_ROUNDS):
         face, weights = nearest(Surface(moved, skin.faces), scan.points, 2.0 * ON_TRUNK)
         used = face >= 0
-        corners, at, weight = skin.faces[face[used]], weights[used], scan.areas[used]
-        rows = np.arange(0, corners.size + 1, 3)
-        place = csr_array((at.reshape(-1), corners.reshape(-1), rows), shape=(len(corners), count))
+        place = places(skin, face[used], weights[used])
         foot, normal = place @ moved, scan.normals[used]
         off = np.einsum("ni,ni->n", scan.points[used] - foot, normal)
         goal = foot + off[:, None] * normal - place @ start
-        data = place.T @ diags_array(weight)
-        solve = splu(
-            (data @ place + smooth).tocsc(),
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
-        moved = start + solve.solve(data @ goal)
+        data = place.T @ diags_array(scan.areas[used])
+        moved = start + solved(data @ place + smooth, data @ goal)
     return Surface(moved, skin.faces)
 
 

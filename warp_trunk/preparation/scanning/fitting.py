@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from warp_trunk.geometry.distance_field import nearest
-from warp_trunk.geometry.normals import vertex_areas
+from warp_trunk.geometry.normals import unit, vertex_areas, vertex_normals
 from warp_trunk.geometry.surface import Surface, directed_edges
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array, sparray
 
 _FACING = 0.5
 """Points whose normal is turned further than 60 degrees from the surface's belong to another fold of it."""
@@ -33,38 +38,54 @@ def fit_to_points(
         smoothing: [mm], 0 or more.
         reach: points farther from the surface than this [mm] are left out.
     """
-    from scipy.sparse import coo_array, csr_array, diags_array  # heavy
-    from scipy.sparse.linalg import splu
+    from scipy.sparse import diags_array  # heavy
 
-    count = len(surface.vertices)
-    size = np.linalg.norm(areas, axis=1)
-    vertices = surface.vertices
-    first, second = directed_edges(surface.faces)
-    valence = np.bincount(first, minlength=count)
+    size, vertices = np.linalg.norm(areas, axis=1), surface.vertices
     for _ in range(_ROUNDS):
         now = Surface(vertices, surface.faces)
         face, weights = nearest(now, points, reach)
-        vertex_area = vertex_areas(now)
-        at_vertex = np.linalg.norm(vertex_area, axis=1)
-        unit = vertex_area / np.maximum(at_vertex, 1e-12)[:, None]
-        corners = surface.faces[face]
-        normal = np.einsum("nk,nki->ni", weights, unit[corners])
+        normal = np.einsum("nk,nki->ni", weights, vertex_normals(now)[surface.faces[face]])
         used = (face >= 0) & (np.einsum("ni,ni->n", normal, areas) > _FACING * size)
-        corners, weights, normal = corners[used], weights[used], normal[used]
-        normal /= np.linalg.norm(normal, axis=1)[:, None]
-        foot = np.einsum("nk,nki->ni", weights, vertices[corners])
+        normal, place = unit(normal[used]), places(surface, face[used], weights[used])
+        foot = place @ vertices
         target = foot + np.einsum("ni,ni->n", points[used] - foot, normal)[:, None] * normal
-        start = np.arange(0, corners.size + 1, 3)
-        place = csr_array((weights.reshape(-1), corners.reshape(-1), start), shape=(len(corners), count))
         data = place.T @ diags_array(size[used])
-        step = vertices[second] - vertices[first]
-        square = np.bincount(first, np.einsum("ei,ei->e", step, step), minlength=count) / valence
-        # the mean of the neighbours less the vertex is a quarter of the squared edge length times the Laplacian
-        scale = 4.0 * np.sqrt(at_vertex) / square
-        mean = coo_array((scale[first] / valence[first], (first, second)), shape=(count, count)).tocsr()
-        laplacian = mean - diags_array(scale)
-        hold = _HOLD * diags_array(at_vertex)
-        system = (data @ place + smoothing**4 * (laplacian.T @ laplacian) + hold).tocsc()
-        solve = splu(system, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-        vertices = solve.solve(data @ target + hold @ vertices)
+        hold = _HOLD * diags_array(np.linalg.norm(vertex_areas(now), axis=1))
+        plate = smoothing**4 * thin_plate(now)
+        vertices = solved(data @ place + plate + hold, data @ target + hold @ vertices)
     return Surface(vertices, surface.faces)
+
+
+def thin_plate(surface: Surface) -> sparray:
+    """The matrix B of the bending of a plate: x.B x is the integral of the squared Laplacian of values x at the
+    vertices of a closed surface, shape (vertices, vertices)."""
+    from scipy.sparse import coo_array, diags_array  # heavy
+
+    count = len(surface.vertices)
+    first, second = directed_edges(surface.faces)
+    valence = np.bincount(first, minlength=count)
+    step = surface.vertices[second] - surface.vertices[first]
+    square = np.bincount(first, np.einsum("ei,ei->e", step, step), minlength=count) / valence
+    # the mean of the neighbours less the vertex is a quarter of the squared edge length times the Laplacian
+    scale = 4.0 * np.sqrt(np.linalg.norm(vertex_areas(surface), axis=1)) / square
+    mean = coo_array((scale[first] / valence[first], (first, second)), shape=(count, count)).tocsr()
+    laplacian = mean - diags_array(scale)
+    return laplacian.T @ laplacian
+
+
+def places(surface: Surface, face: np.ndarray, weights: np.ndarray) -> csr_array:
+    """The matrix that takes values at vertices to places in triangles (n,) by their corners' weights (n, 3)."""
+    from scipy.sparse import csr_array  # heavy
+
+    corners = surface.faces[face]
+    start = np.arange(0, corners.size + 1, 3)
+    shape = len(corners), len(surface.vertices)
+    return csr_array((weights.reshape(-1), corners.reshape(-1), start), shape=shape)
+
+
+def solved(matrix: sparray, right: np.ndarray) -> np.ndarray:
+    """The solution of a sparse symmetric positive definite system for right sides (n, k), shape (n, k)."""
+    from scipy.sparse.linalg import splu  # heavy
+
+    ordered = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+    return splu(matrix.tocsc(), **ordered).solve(right)
