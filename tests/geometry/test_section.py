@@ -1,11 +1,22 @@
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from support.synthetic import box, sphere
 from support.there import there
 from support.trunk_shapes import joined
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.section import enclosed_area, encloses, own_part, section, sections, trunk_loop
+from warp_trunk.geometry.section import (
+    arc_length,
+    enclosed_area,
+    encloses,
+    own_part,
+    points_along,
+    section,
+    sections,
+    trunk_loop,
+    upper_hull,
+)
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume
 
@@ -113,3 +124,22 @@ def test_no_half_of_the_trunk_is_an_arm():
     share = np.linspace(0.0, 1.0, 20, endpoint=False)[:, None]
     loop = np.vstack([a + share * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)])
     assert own_part(loop, np.array([-33.0, -40.0])) is None
+
+
+def test_the_upper_hull_is_that_of_scipy() -> None:
+    """Its corners are those of the convex hull that lie above the line through its ends."""
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        points = rng.normal(size=(40, 2))
+        points = points[np.argsort(points[:, 0])]
+        x, y = points.T
+        chord = y[0] + (x - x[0]) * (y[-1] - y[0]) / (x[-1] - x[0])
+        wanted = {row for row in ConvexHull(points).vertices.tolist() if y[row] >= chord[row] - 1e-12}
+        assert upper_hull(x, y) == sorted(wanted)
+
+
+def test_points_along_a_line() -> None:
+    """Three sides of a rectangle of 3 by 4."""
+    line = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 4.0], [0.0, 4.0]])
+    assert arc_length(line).tolist() == [0.0, 3.0, 7.0, 10.0]
+    np.testing.assert_allclose(points_along(line, np.array([1.0, 5.0, 9.0])), [[1.0, 0.0], [3.0, 2.0], [1.0, 4.0]])

@@ -9,6 +9,7 @@ import numpy as np
 
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.rigid import RigidMotion, fit_rigid, on_line, rotated, rotation_vector
+from warp_trunk.geometry.section import arc_length
 
 EXACT = 0.05
 """Landmarks that move rigidly within this have no errors that matter, such as those of a plan [mm, each axis]."""
@@ -134,7 +135,7 @@ def vertebra_smoothing(
         error = expected or 0.0
     if error < EXACT:
         return None
-    roughness = roughness_of(np.append(0.0, np.cumsum(np.linalg.norm(np.diff(middles, axis=0), axis=1))))
+    roughness = roughness_of(arc_length(middles))
     variance = np.square(error) * _leverage(motions, before[bodies.rows] - middles[:, None], bodies.weights)
     weights = [
         smoother(likeliest_smoothness(values, spread, roughness, clean=clean), spread, roughness)

@@ -60,10 +60,15 @@ def pieces(surface: Surface, height: float) -> list[np.ndarray]:
     sides = np.sort(sides[(z[sides[:, :, 0]] < height) != (z[sides[:, :, 1]] < height)].astype(np.int64), axis=1)
     edges, segments = np.unique(sides, axis=0, return_inverse=True)
     segments = segments.reshape(-1, 2)  # a triangle is cut at two of its sides
-    start, way = surface.vertices[edges[:, 0]], np.diff(surface.vertices[edges], axis=1)[:, 0]
-    points = (start + ((height - start[:, 2]) / way[:, 2])[:, None] * way)[:, :2]
+    points = at_height(surface.vertices[edges], height)
     part = linked_parts(segments[:, 0], segments[:, 1], len(edges))[segments[:, 0]]
     return [points[segments[part == number]] for number in range(part.max() + 1)]
+
+
+def at_height(ends: np.ndarray, height: float) -> np.ndarray:
+    """The points (edges, 2) at a height on edges from their ends (edges, 2, 3) [mm]."""
+    start, way = ends[:, 0], ends[:, 1] - ends[:, 0]
+    return (start + ((height - start[:, 2]) / way[:, 2])[:, None] * way)[:, :2]
 
 
 def trunk_loop(loops: list[np.ndarray], spine: np.ndarray) -> np.ndarray | None:
@@ -154,6 +159,40 @@ def _cycles(following: np.ndarray) -> list[np.ndarray]:
     return cycles
 
 
+def upper_hull(x: np.ndarray, y: np.ndarray) -> list[int]:
+    """The corners of the least concave curve over points (x, y), by the chain of Andrew (1979).
+
+    Args:
+        x: does not fall, shape (n,).
+        y: shape (n,).
+
+    Returns:
+        Their rows, rising.
+    """
+    kept: list[int] = []
+    xs, ys = x.tolist(), y.tolist()
+    for point in range(len(xs)):
+        while len(kept) > 1:
+            first, last = kept[-2:]
+            rise, run = ys[last] - ys[first], xs[last] - xs[first]
+            if rise * (xs[point] - xs[first]) > run * (ys[point] - ys[first]):
+                break
+            kept.pop()
+        kept.append(point)
+    return kept
+
+
+def arc_length(line: np.ndarray) -> np.ndarray:
+    """How far each point of a line (n, ...) is from its first one along it [mm], shape (n,)."""
+    return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
+
+
+def points_along(line: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """The points at some lengths (m,) [mm] along a line (n, k) from its first one, shape (m, k)."""
+    way = arc_length(line)
+    return np.column_stack([np.interp(lengths, way, column) for column in line.T])
+
+
 SHOULDERS = ("T1", "T2", "T3", "T4")
 """Levels at which shoulders are the trunk's own."""
 _NOTCH = 2.0
@@ -216,14 +255,10 @@ def _without_arm(loop: np.ndarray, spine: np.ndarray) -> np.ndarray | None:
 def _closed(open_outline: np.ndarray) -> np.ndarray:
     """The outline from one notch round the trunk to the other, closed by the flank that was under the arm: a cubic
     that goes on as the outline does beside the notches."""
-    way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(open_outline, axis=0), axis=1)))
-
-    def at(length: float) -> np.ndarray:
-        return np.array([np.interp(length, way, column) for column in open_outline.T])
-
+    way, inward = arc_length(open_outline), _FILLET + _SIDE * np.arange(3.0)
     kept = (way >= _FILLET) & (way <= way[-1] - _FILLET)
-    start, before, long_before = (at(way[-1] - _FILLET - back) for back in (0.0, _SIDE, 2.0 * _SIDE))
-    end, after, long_after = (at(_FILLET + ahead) for ahead in (0.0, _SIDE, 2.0 * _SIDE))
+    start, before, long_before = points_along(open_outline, way[-1] - inward)
+    end, after, long_after = points_along(open_outline, inward)
     # directions at both ends by parabolas through three points, of unit length, times the length between the ends
     scale = np.linalg.norm(end - start) / (2.0 * _SIDE)
     out = scale * (3.0 * start - 4.0 * before + long_before)

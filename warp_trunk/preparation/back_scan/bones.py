@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -105,13 +105,3 @@ def all_under_skin(bones: Mapping[str, Surface], skin: Surface, kept: tuple[str,
     """The bones, all but those kept bent under the skin where they must (`under_skin`)."""
     distance, facing = SurfaceDistance(skin), unit(area_vectors(skin.vertices, skin.faces))
     return {name: bone if name in kept else under_skin(bone, distance, facing) for name, bone in bones.items()}
-
-
-def carried(
-    bones: Mapping[str, Surface], poses: Mapping[str, VertebraPose], still: tuple[str, ...], carry: Callable
-) -> dict[str, Surface]:
-    """The bones: vertebrae by their poses, those that are still as they were, all others by a map."""
-    return {
-        name: bone if name in still else Surface(poses.get(name, carry)(bone.vertices), bone.faces)
-        for name, bone in bones.items()
-    }

@@ -17,10 +17,10 @@ from warp_trunk.geometry.normals import corner_areas
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import crossings
 
-from ..deformity.deformity import grown
+from ..deformity.deformity import carried, grown
 from ..deformity.spine_curve import VertebraPose
 from .body import StraightBody, made_body
-from .bones import all_under_skin, carried, forward_under_skin, ribs_on_vertebrae
+from .bones import all_under_skin, forward_under_skin, ribs_on_vertebrae
 from .frame import PelvisFrame, back_markers, check_on_scan, find_frame
 from .scan import BackScan, clean_scan
 from .spine import TURN_SD, PatientSpine, PlacedSpine, place_spine, poses_of, turns_of
@@ -104,16 +104,12 @@ def fit_back(
     check_inside(scan, spine.line, back, line)
     body = body or made_body()
     rise: np.ndarray | float = 0.0
-    placings = 0
-    while True:
+    for _ in range(_PLACINGS):
         given = place_spine(spine, markers, body.centres, rise)
         frame = find_frame(body, held, given)
         placed = given.turned(frame.rotation.T, frame.shift)
         straight = body.scaled(frame.scale).fitted_to(placed.centres)
         turns = turns_of(placed, spine.kind == "pedicles")
-        placings += 1
-        if placings == _PLACINGS:
-            break
         poses = poses_of(placed, turns, straight.centres, straight.axes)
         marks = {level: straight.landmarks.of_bone(level).points for level in VERTEBRAE}
         centroids = np.array([poses[level](marks[level]).mean(axis=0) for level in VERTEBRAE])
@@ -182,7 +178,7 @@ def _fitted(
         skin = Surface(growth(straight.skin.vertices), straight.skin.faces)
         ends = landmarks.points[["endplate" in name for name in landmarks.names]]
         warp = warp_onto(skin, ScanField(scan), np.vstack([ends, *pelvis]))
-        bones = carried(straight.bones, poses, PELVIC_RING, lambda points: warp(growth(points)))
+        bones = carried(straight.bones, poses, lambda points: warp(growth(points)))
         return Surface(warp(skin.vertices), skin.faces), bones, landmarks, poses
 
     forward = np.zeros(len(VERTEBRAE))

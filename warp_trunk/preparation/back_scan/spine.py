@@ -10,11 +10,12 @@ import numpy as np
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks, read_landmarks
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.section import arc_length
 from warp_trunk.io.file_access import read_text
 from warp_trunk.io.point_files import read_points
 from warp_trunk.measures.back import TURN, vertebrae_on_line
 
-from ..deformity.spine_curve import VertebraPose, down_along, smooth_track
+from ..deformity.spine_curve import VertebraPose, smooth_track
 
 TURN_SD = {"line": 6.0, "pedicles": 4.0, "landmarks": 3.0}
 """Standard deviation of the turn of a vertebra by what is known of the spine [degrees]."""
@@ -131,8 +132,8 @@ class PlacedSpine:
 
 def smoothed(line: np.ndarray) -> np.ndarray:
     """The line as smooth as a spine is, sampled evenly and continued straight at both ends, shape (n, 3) [mm]."""
-    line = line[np.append(True, np.diff(down_along(line)) > 1e-6)]
-    long = down_along(line)[-1]
+    line = line[np.append(True, np.diff(arc_length(line)) > 1e-6)]
+    long = arc_length(line)[-1]
     fine = smooth_track(line, line)(np.arange(0.0, long + _EACH, _EACH).clip(max=long))
     first = (fine[:4] - fine[4:8]).mean(axis=0)
     last = (fine[-4:] - fine[-8:-4]).mean(axis=0)
@@ -169,7 +170,7 @@ def place_spine(
     lean = (known[0] - known[2]) / np.linalg.norm(known[0] - known[2])
     own = (body[above] - body[above + 2]) / np.linalg.norm(body[above] - body[above + 2])
     centres = np.vstack([known[0] + offset + np.linalg.norm(offset, axis=1)[:, None] * (lean - own), known])
-    up = -smooth_track(centres, centres).derivative()(down_along(centres))
+    up = -smooth_track(centres, centres).derivative()(arc_length(centres))
     if spine.up is not None:
         up[above:] = spine.up
     across = None
@@ -196,7 +197,7 @@ def turns_of(placed: PlacedSpine, smooth: bool) -> np.ndarray:
     above = int(np.isnan(turn).sum())
     if smooth:
         known = centres[above:]
-        turn[above:] = smooth_track(known, turn[above:])(down_along(known))
+        turn[above:] = smooth_track(known, turn[above:])(arc_length(known))
     turn[:above] = turn[above] * np.arange(1, above + 1) / (above + 1) if above < len(turn) else 0.0
     return turn
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.spline import Spline, fit_spline
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import crossings
-from warp_trunk.measures.shoulders import upper_outline
+from warp_trunk.measures.outlines import upper_outline
 from warp_trunk.measures.spine import asis_axis, spine_of
 
 from ..landmark_finder import find_landmarks
@@ -63,10 +63,6 @@ def impose(
         where = f"at ({x:.0f}, {y:.0f}, {z:.0f}) mm of the straight one"
         raise InputError(f"curve: a curve {curve} folds this trunk, {where}; ask for less")
 
-    carried = {
-        name: bone if name in PELVIC_RING else Surface(poses.get(name, spline)(bone.vertices), bone.faces)
-        for name, bone in bones.items()
-    }
     carried_skin = skin.moved(spline(skin.vertices))
     crossed = crossings(carried_skin)
     if len(crossed):
@@ -74,7 +70,19 @@ def impose(
         where = f"at ({x:.0f}, {y:.0f}, {z:.0f}) mm"
         cure = "ask for less, or repair the skin if it crosses itself when straight"
         raise InputError(f"curve: a curve {curve} makes this skin cross itself, {where}; {cure}")
-    return carried_skin, carried, moved
+    return carried_skin, carried(bones, poses, spline), moved
+
+
+def carried(
+    bones: Mapping[str, Surface],
+    poses: Mapping[str, VertebraPose],
+    carry: Callable[[np.ndarray], np.ndarray],
+) -> dict[str, Surface]:
+    """The bones by name: vertebrae by their poses, the pelvis as it was, all others by a map of points (n, 3)."""
+    return {
+        name: bone if name in PELVIC_RING else Surface(poses.get(name, carry)(bone.vertices), bone.faces)
+        for name, bone in bones.items()
+    }
 
 
 def grown(

@@ -13,6 +13,7 @@ from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.errors import InputError, check_ranges
 from warp_trunk.geometry.rigid import RigidMotion
+from warp_trunk.geometry.section import arc_length
 from warp_trunk.measures.cobb import sagittal_angle
 from warp_trunk.measures.spine import spine_of
 
@@ -367,9 +368,9 @@ def measured_spine(name: str, body: np.ndarray, turn: np.ndarray) -> MeasuredSpi
         body: centres down to L5, the highest first, shape (n, 3) [mm].
         turn: axial rotation of each, positive from +x to +y [rad], shape (n,).
     """
-    x, y, z = -smooth_track(body, body).derivative()(down_along(body)).T  # going up
+    x, y, z = -smooth_track(body, body).derivative()(arc_length(body)).T  # going up
     tilt, pitch = np.arctan2(x, z), np.arctan2(-y, np.hypot(x, z))
-    turn = smooth_track(body, turn)(down_along(body))
+    turn = smooth_track(body, turn)(arc_length(body))
     turn -= 0.5 * (turn[0] + turn[-1])
     above = LEVELS - len(body)
     fade = np.arange(1, above + 1) / (above + 1)
@@ -388,13 +389,8 @@ _SMOOTH = 3000.0
 level to level it leaves a tenth, of a curve over seven levels 97 %."""
 
 
-def down_along(line: np.ndarray) -> np.ndarray:
-    """How far each point of a line (n, 3) is from its first one along it [mm], shape (n,)."""
-    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-
-
 def smooth_track(line: np.ndarray, values: np.ndarray) -> BSpline:
     """Values (n, ...) at the points of a line (n, 3) as smooth as a spine is, over the way along it."""
     from scipy.interpolate import make_smoothing_spline  # heavy
 
-    return make_smoothing_spline(down_along(line), values, lam=_SMOOTH)
+    return make_smoothing_spline(arc_length(line), values, lam=_SMOOTH)

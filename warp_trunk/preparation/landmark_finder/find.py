@@ -11,6 +11,7 @@ import numpy as np
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.landmarks import ASIS, VERTEBRA_POINTS, Landmarks
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.section import arc_length
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import boundary_edges, components
 
@@ -102,8 +103,7 @@ def _directions(centres: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     if len(centres) < 2:
         return {name: np.array([0.0, 0.0, 1.0]) for name in centres}
     points = np.array(list(centres.values()))
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    upwards = -np.gradient(points, along, axis=0)
+    upwards = -np.gradient(points, arc_length(points), axis=0)
     upwards /= np.linalg.norm(upwards, axis=1, keepdims=True)
     return dict(zip(centres, upwards, strict=True))
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.section import enclosed_area, section
+from warp_trunk.geometry.normals import area_vectors, unit
+from warp_trunk.geometry.section import arc_length, enclosed_area, points_along, section
 from warp_trunk.geometry.surface import Surface
 
 
@@ -94,7 +95,7 @@ def _mirror_distances(points: np.ndarray, normals: np.ndarray) -> _Distances:
 
     places = np.hstack([points, _NORMAL_WEIGHT * normals])
     normals = normals[KDTree(places).query(places, k=_SMOOTHED)[1]].mean(axis=1)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    normals = unit(normals)
     tree = KDTree(np.hstack([points, _NORMAL_WEIGHT * normals]))
 
     def distances(plane: np.ndarray, count: int) -> np.ndarray:
@@ -119,8 +120,8 @@ def _fitted(distances: _Distances, start: np.ndarray, count: int) -> np.ndarray:
 def spread_points(surface: Surface, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Points spread evenly over a surface's area and the unit normals there, each (count, 3), always the same."""
     a, b, c = np.moveaxis(surface.vertices[surface.faces], 1, 0)
-    cross = np.cross(b - a, c - a)
-    area = np.linalg.norm(cross, axis=1)
+    vectors = area_vectors(surface.vertices, surface.faces)
+    area = np.linalg.norm(vectors, axis=1)
     rng = np.random.default_rng(0)
     # one point in each of `count` equal shares of the area, in an order that has nothing to do with place
     shares = rng.permutation(count) + rng.random(count)
@@ -129,7 +130,7 @@ def spread_points(surface: Surface, count: int) -> tuple[np.ndarray, np.ndarray]
     over = u + v > 1.0
     u, v = np.where(over, 1.0 - u, u)[:, None], np.where(over, 1.0 - v, v)[:, None]
     points = a[face] + u * (b - a)[face] + v * (c - a)[face]
-    return points, cross[face] / np.maximum(area[face], 1e-300)[:, None]
+    return points, unit(vectors[face])
 
 
 def _direction(plane: np.ndarray) -> np.ndarray:
@@ -181,11 +182,8 @@ def coronal(surface: Surface, back: float) -> list[np.ndarray]:
 
 def outline(loop: np.ndarray) -> np.ndarray:
     """Points at equal steps along a loop (k, 2), so that short edges count no more than long ones."""
-    length = np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1)
-    reached = np.concatenate([[0.0], np.cumsum(length)])
     ring = np.vstack([loop, loop[:1]])
-    places = np.arange(0.0, reached[-1], _STEP)
-    return np.stack([np.interp(places, reached, column) for column in ring.T], axis=1)
+    return points_along(ring, np.arange(0.0, arc_length(ring)[-1], _STEP))
 
 
 def centroid(loop: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ import numpy as np
 
 from warp_trunk.case.anatomy import SIDES, VERTEBRAE
 from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks
+from warp_trunk.geometry.section import arc_length, points_along
 from warp_trunk.geometry.surface import Surface
 
 from .skin import section_at
@@ -297,17 +298,17 @@ def rod(
     """
     from scipy.interpolate import CubicSpline, PchipInterpolator  # heavy
 
-    chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(guide, axis=0), axis=1))])
+    chord = arc_length(guide)
     fine = np.linspace(0.0, chord[-1], 400)
     curve = CubicSpline(chord, guide)(fine)
-    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
+    length = arc_length(curve)
     cap = float(half_side[0] + half_side[-1]) / 2.0  # ends are half ellipsoids of this length
     caps = cap * np.array([0.0, 0.12, 0.5])
     middle = np.linspace(cap, length[-1] - cap, max(2, 1 + round((length[-1] - 2.0 * cap) / spacing)))
     places = np.concatenate([caps, middle, length[-1] - caps[::-1]])
     to_end = np.minimum(places, length[-1] - places)
     share = np.sqrt(1.0 - np.clip(1.0 - to_end / cap, 0.0, 1.0) ** 2)
-    centres = np.stack([np.interp(places, length, column) for column in curve.T], axis=1)
+    centres = points_along(curve, places)
     forward = np.gradient(centres, axis=0)
     forward /= np.linalg.norm(forward, axis=1, keepdims=True)
     across = up - (forward @ up)[:, None] * forward

@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from warp_trunk.geometry.section import arc_length, points_along
 from warp_trunk.geometry.surface import Surface
 
 EDGE = 12.5
@@ -100,7 +101,7 @@ def trunk_skin() -> Surface:
     z = np.linspace(_PROFILE[0, 0], _PROFILE[-1, 0], 2000)
     section = section_at(z)
     outline = np.stack([z, section.half_width, section.back], axis=1)
-    rings = 1 + round(np.linalg.norm(np.diff(outline, axis=0), axis=1).sum() / (0.87 * EDGE))
+    rings = 1 + round(arc_length(outline)[-1] / (0.87 * EDGE))
     heights = spaced(outline, rings)[::-1, 0]
     loops = [_half_loop(height) for height in heights]
     top, bottom = _cap(loops[0]), _cap(loops[-1])
@@ -133,8 +134,7 @@ def _mounds(mounds: np.ndarray, x: np.ndarray, z: float) -> np.ndarray:
 
 
 def _thinned(loop: np.ndarray) -> np.ndarray:
-    length = np.linalg.norm(np.diff(loop, axis=0), axis=1).sum()
-    return spaced(loop, 1 + max(2, round(length / EDGE)))
+    return spaced(loop, 1 + max(2, round(arc_length(loop)[-1] / EDGE)))
 
 
 def _cap(loop: np.ndarray) -> list[np.ndarray]:
@@ -178,8 +178,6 @@ def stack(half_loops: Sequence[np.ndarray]) -> Surface:
 
 def spaced(curve: np.ndarray, count: int) -> np.ndarray:
     """`count` points at equal arc length along a polyline, ends kept, shape (count, 3)."""
-    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
-    places = np.linspace(0.0, length[-1], count)
-    points = np.stack([np.interp(places, length, column) for column in curve.T], axis=1)
+    points = points_along(curve, np.linspace(0.0, arc_length(curve)[-1], count))
     points[0], points[-1] = curve[0], curve[-1]
     return points
