@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from warp_trunk.geometry.rigid import RigidMotion, fit_rigid, misfit
+from warp_trunk.geometry.rigid import RigidMotion, fit_rigid
 
 RNG = np.random.default_rng(5)
 UP = np.array([0.0, 0.0, 1.0])
@@ -32,14 +32,6 @@ def test_no_other_motion_is_nearer() -> None:
         moved, centre = best.apply(POINTS), after.mean(axis=0)
         assert miss(moved) < miss(moved + step)
         assert miss(moved) < miss(Rotation.from_rotvec(step).apply(moved - centre) + centre)
-
-
-@pytest.mark.parametrize("count", [1, 2, 3, 6, 12])
-def test_the_misfit_is_what_the_fit_leaves(count: int) -> None:
-    for after in (POINTS + 5.0 * UP, POINTS + RNG.normal(scale=9.0, size=POINTS.shape), POINTS * [-1.0, 1.0, 1.0]):
-        before, there = POINTS[:count], after[:count]
-        left = np.linalg.norm(fit_rigid(before, there).apply(before) - there, axis=1)
-        assert misfit(before, there) == pytest.approx(np.sqrt(np.mean(left**2)), abs=1e-5)
 
 
 def test_a_part_of_a_motion_is_a_part_of_its_screw() -> None:

@@ -9,7 +9,7 @@ from support.synthetic import sphere
 from support.there import there
 from support.trunk_shapes import ellipse, joined, spine, tube
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures.skin_distance import Regions, SkinDistance, distance_statistics, regions_of, skin_distance
+from warp_trunk.measures.comparison import Regions, SkinDistance, distance_statistics, regions_of, skin_distance
 
 LEVELS = {"T4": 350.0, "T12": 200.0, "L5": 50.0}
 LANDMARKS = spine(LEVELS, (0.0, 20.0))

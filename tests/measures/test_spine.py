@@ -12,7 +12,7 @@ from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
 from warp_trunk.measures.cobb import spine_height
-from warp_trunk.measures.shoulders import INNER, OUTER, shoulder_heights
+from warp_trunk.measures.outlines import INNER, OUTER, shoulder_heights
 from warp_trunk.measures.spine import TrunkShift, sacral_line, spine_of, trunk_shift
 
 LEFT = np.array([1.0, 0.0])

@@ -9,7 +9,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
-from warp_trunk.geometry.rigid import fit_rigid, misfit
+from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.surface import Surface
 
 from .case import Case, Pose
@@ -188,7 +188,8 @@ def check_shapes(before: Landmarks, after: Landmarks, where: str) -> list[str]:
     """
     levels = before.vertebrae()
     here, there = (_six_points(marks, levels) for marks in (before, after))
-    misfits = np.array([misfit(a, b) for a, b in zip(here, there, strict=True)])
+    missed = fit_rigid(here, there)[:, None].apply(here) - there
+    misfits = np.sqrt(np.square(missed).sum(axis=2).mean(axis=1))
     warnings = _check_patient(here, there, misfits, where)
     for i, level in enumerate(levels):
         usual = float(np.median(np.delete(misfits, i)))

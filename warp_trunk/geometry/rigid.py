@@ -284,15 +284,3 @@ def on_line(points: np.ndarray) -> bool:
 
 def _on_line(extents: np.ndarray) -> np.ndarray:
     return extents[..., 1] <= _LINE * extents[..., 0]
-
-
-def misfit(before: np.ndarray, after: np.ndarray) -> float:
-    """Root mean square distance of points (n, 3) from where `fit_rigid` puts those before [mm].
-
-    Of the singular values of the covariance alone, the least negative where a mirror image fits better (Kabsch).
-    """
-    a, b = before - before.mean(axis=0), after - after.mean(axis=0)
-    U, extents, Vt = np.linalg.svd(a.T @ b)
-    extents[2] *= np.sign(np.linalg.det(U @ Vt))
-    left = float(np.sum(a**2) + np.sum(b**2) - 2.0 * extents.sum())
-    return math.sqrt(max(left, 0.0) / len(before))

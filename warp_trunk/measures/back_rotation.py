@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from warp_trunk.geometry.section import upper_hull
+
 from .outlines import outlines_of
 from .spine import Spine, asis_axis, spine_of
 
@@ -205,16 +207,8 @@ def _back_of_hull(points: np.ndarray, across: np.ndarray) -> np.ndarray | None:
     if aside[first] <= aside[last]:
         return None
     between = np.flatnonzero((aside <= aside[first]) & (aside >= aside[last]))
-    chain: list[int] = []  # the upper hull, from left to right (Andrew 1979)
-    xs, ys = aside.tolist(), back.tolist()
-    for i in between[np.lexsort((back[between], -aside[between]))].tolist():
-        while len(chain) > 1:
-            a, b = chain[-2:]
-            if (xs[a] - xs[b]) * (ys[i] - ys[a]) < (ys[b] - ys[a]) * (xs[a] - xs[i]):
-                break
-            chain.pop()
-        chain.append(i)
-    return points[chain]
+    order = between[np.lexsort((back[between], -aside[between]))]
+    return points[order[upper_hull(-aside[order], back[order])]]
 
 
 def hump_height(tangent: DualTangent) -> float | None:

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.geometry.section import section, trunk_loop
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.section import at_height, section, trunk_loop
+from warp_trunk.geometry.surface import Surface, compact
 
 from .back_rotation import DualTangent, contacts_beside, find_contacts, hump_height, hump_top, tangent_of, turn
-from .shoulders import DEEP, shoulder_heights, upper_outline
+from .outlines import DEEP, shoulder_heights, upper_outline
 from .spine import asis_axis, spine_of
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def rotation_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent
 
     def angle(part: Surface, marks: Landmarks) -> float:
         centroid = marks.points[rows].mean(axis=0)
-        left, right, nearest = _at_height(part.vertices[np.searchsorted(used, touched)], centroid[2]).reshape(
+        left, right, nearest = at_height(part.vertices[np.searchsorted(used, touched)], centroid[2]).reshape(
             3, 2, 2
         )
         beside = np.stack([left, right])
@@ -124,13 +124,7 @@ def _cut(skin: Surface, height: float) -> tuple[np.ndarray, np.ndarray, np.ndarr
     kept = (z[skin.faces].min(axis=1) < height + _MARGIN) & (z[skin.faces].max(axis=1) > height - _MARGIN)
     edges = np.concatenate([skin.faces[kept][:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
     edges = edges[(z[edges[:, 0]] >= height) != (z[edges[:, 1]] >= height)]
-    return kept, edges, _at_height(skin.vertices[edges], height)
-
-
-def _at_height(ends: np.ndarray, height: float) -> np.ndarray:
-    """The points (edges, 2) at a height on edges from their ends (edges, 2, 3) [mm]."""
-    start, way = ends[:, 0], ends[:, 1] - ends[:, 0]
-    return (start + ((height - start[:, 2]) / way[:, 2])[:, None] * way)[:, :2]
+    return kept, edges, at_height(skin.vertices[edges], height)
 
 
 def _by_differences(
@@ -143,8 +137,7 @@ def _by_differences(
 ) -> Derivative:
     """Differences of a number of some triangles, in some vertices and the iliac spines, and in the landmarks of a
     vertebra, of which the mean counts."""
-    used, faces = np.unique(skin.faces[kept], return_inverse=True)
-    part = Surface(skin.vertices[used], faces.reshape(-1, 3).astype(np.int32))
+    part, used = compact(skin.vertices, skin.faces[kept]), np.unique(skin.faces[kept])
     found = Derivative(number(part, landmarks), np.zeros_like(skin.vertices), np.zeros_like(landmarks.points))
 
     def slope(rows: Sequence[int], axis: int, points: np.ndarray, by_skin: bool) -> float:

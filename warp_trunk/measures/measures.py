@@ -15,8 +15,7 @@ from warp_trunk.errors import InputError, expect
 from .apical import ApicalVertebra, apical_vertebrae, axial_rotation
 from .back_rotation import DualTangent, hump_height, tangents_of
 from .cobb import CobbAngle, SpineHeight, curves_of, kyphosis, lordosis, spine_height
-from .outlines import FlankAsymmetry, Waist, flank_asymmetry, outlines_of, waist_of
-from .shoulders import Shoulders, shoulder_heights
+from .outlines import FlankAsymmetry, Shoulders, Waist, flank_asymmetry, outlines_of, shoulder_heights, waist_of
 from .spine import SacralLine, Spine, TrunkShift, sacral_line, spine_of, trunk_shift
 
 if TYPE_CHECKING:

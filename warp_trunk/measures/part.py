@@ -16,7 +16,7 @@ from warp_trunk.geometry.distance_field import nearest
 from warp_trunk.geometry.normals import area_vectors, corner_areas
 from warp_trunk.geometry.surface import Surface
 
-from .skin_distance import same_skin
+from .comparison import same_skin
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case

@@ -23,7 +23,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.normals import area_vectors, unit
 from warp_trunk.measures import compare_skins
-from warp_trunk.measures.skin_distance import skin_distance
+from warp_trunk.measures.comparison import skin_distance
 from warp_trunk.meshing import MeshOptions, make_trunk
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import find_path
