@@ -10,12 +10,16 @@ from warp_trunk.cli import main
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import write_surface
 
+BONES = {
+    name: bone for name, bone in spine_and_hips().items() if name in ("T6", "T7", "T8", "hip_left", "hip_right")
+}
+
 
 def write(folder, units, code):
     """A case of bones in other units and axes, without its case.toml."""
     (folder / "bones").mkdir(parents=True)
     axes = Axes(code)
-    for name, bone in spine_and_hips().items():
+    for name, bone in BONES.items():
         faces = bone.faces[:, ::-1] if axes.left_handed else bone.faces
         write_surface(
             folder / "bones" / f"{name}.ply", Surface(bone.vertices @ axes.matrix / MILLIMETRES[units], faces)
@@ -33,7 +37,7 @@ def test_landmarks_follows_units_and_axes_of_the_case(units, code, tmp_path):
     back = read_landmarks(out, Axes(code), units)
     assert back.point("asis_left")[0] > 30.0 > -30.0 > back.point("asis_right")[0]
     assert len(back.vertebrae()) > 2
-    for name, bone in spine_and_hips().items():
+    for name, bone in BONES.items():
         for point in back.of_bone(name).points:
             assert np.linalg.norm(point - bone.vertices.mean(axis=0)) < 80.0
 

@@ -17,7 +17,8 @@ def files(tmp_path_factory):
 
 def test_a_case_that_can_be_read_with_its_picture_and_its_confidence(files, tmp_path, capsys):
     out = tmp_path / "case"
-    assert main(["import", str(files[0]), "--body", str(files[1]), "--out", str(out)]) == 0
+    words = ["import", str(files[0]), "--body", str(files[1]), "--out", str(out), "--edge-length", "12"]
+    assert main(words) == 0
     case = read_case(out)
     assert (case.name, case.posture) == ("case", "supine")
     assert case.landmarks_before.vertebrae() == LEVELS
@@ -39,7 +40,8 @@ def test_what_is_missing_is_named_and_the_rest_is_written(files, tmp_path, capsy
     values, affine = labels()
     write_labels(tmp_path / "a.nii.gz", np.where(values == NUMBERS["hip_left"], 5, values), affine, NAMES)
     out = tmp_path / "case"
-    assert main(["import", str(tmp_path / "a.nii.gz"), "--body", str(files[1]), "--out", str(out)]) == 3
+    words = ["import", str(tmp_path / "a.nii.gz"), "--body", str(files[1]), "--out", str(out)]
+    assert main([*words, "--edge-length", "12"]) == 3
     said = capsys.readouterr()
     assert "asis_left: no landmarks: 'hip_left' is missing" in said.err
     assert "not yet a case that surgery can be planned on" in said.err
