@@ -88,7 +88,8 @@ def test_the_scan_stands_under_gravity() -> None:
 @pytest.mark.parametrize("energy", ENERGIES)
 @pytest.mark.parametrize("rigidity", [RIGIDITY, 1e4])
 def test_the_distance_reported_in_float32_is_not_below_the_true_one(energy: str, rigidity: float) -> None:
-    """Against float64, up to a skin that is far stiffer than the tissue; beyond float32 nothing is claimed."""
+    """Against float64, up to a skin that is far stiffer than the tissue; where float32 has no digits for the end,
+    the simulation continues in float64."""
     move, found = 0.3 * (rotate(TRUNK.nodes, 12.0, (0.3, 1.0, 0.2)) - TRUNK.nodes), []
     for precision, tolerance in (("float64", 1e-6), ("float32", 0.01), ("float32", 1e-6)):
         model = skinned(energy=energy, skin_rigidity=rigidity, precision=precision)
@@ -96,8 +97,8 @@ def test_the_distance_reported_in_float32_is_not_below_the_true_one(energy: str,
     exact, reported = found[0].displacement, found[1].relaxation.estimated_error
     assert [one.relaxation.status for one in found[:2]] == [RelaxStatus.CONVERGED] * 2
     assert np.linalg.norm(found[1].displacement - exact, axis=1).max() < reported <= 0.01
-    assert found[2].relaxation.status is RelaxStatus.STALLED
-    assert found[2].relaxation.estimated_error == np.inf
+    assert (found[2].relaxer.model.precision, found[2].relaxation.status) == ("float64", RelaxStatus.CONVERGED)
+    assert np.linalg.norm(found[2].displacement - exact, axis=1).max() < 2e-6
 
 
 def test_a_rigidity_of_zero_leaves_the_skin_out() -> None:

@@ -83,6 +83,17 @@ def build_model(
         tets=rest.tets,
         elements=elements,
         pattern=square_pattern(stencils, free_nodes),
+        in_precision=lambda precision: build_model(
+            trunk,
+            tissues,
+            energy=energy,
+            weights=weights,
+            skin_rigidity=skin_rigidity,
+            gravity=0.0 if alpha else gravity,
+            alpha=alpha,
+            device=parallel,
+            precision=precision,
+        ),
         label=rest.label,
         skin=skin,
     )

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -49,6 +49,8 @@ class Model:
     """Data of every tetrahedron for the energy, on the device, and its kernels."""
     pattern: Pattern
     """Which blocks the Hessian has."""
+    in_precision: Callable[[str], Model] = field(repr=False)
+    """Makes the same trunk in 'float32' or 'float64'."""
     label: np.ndarray | None = None
     """The tissue of each tetrahedron in model order, or the parts of all, as in `RestMesh`."""
     scan: np.ndarray | None = None

@@ -89,7 +89,12 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
         spent += more
         sag = float(np.linalg.norm(scan - rest, axis=1).max())
         if action is Action.CONVERGED:
-            found = replace(resting(model, mesh), rest=rest, scan=scan - rest)
+            found = replace(
+                resting(model, mesh),
+                rest=rest,
+                scan=scan - rest,
+                in_precision=lambda precision: sag_free(model.in_precision(precision), tolerance).model,
+            )
             return RestState(found, sag, confirmed.distance, rounds, spent)
         if action is Action.STALLED or confirmed.phase is Phase.SADDLE:
             raise InputError(

@@ -18,7 +18,7 @@ from .descent import ProjectedGradient
 from .model import Model
 from .newton import Relaxer
 from .parallel import ENGINE
-from .relaxation import Relaxation, RelaxOptions, RelaxStep
+from .relaxation import Relaxation, RelaxOptions, RelaxStatus, RelaxStep
 from .state import State, to_mesh_order
 
 ON_THE_WAY = 20.0
@@ -68,10 +68,12 @@ class Increment:
     """How the relaxation ended."""
     seconds: float
     """Time of this increment [s]."""
+    relaxer: Relaxer
+    """The one that relaxed it last; it may have gone on to another state."""
 
     def __init__(
         self,
-        model: Model,
+        relaxer: Relaxer,
         number: int,
         load_factor: float,
         from_rest: wp.array | np.ndarray,
@@ -84,7 +86,7 @@ class Increment:
         self.load_factor = load_factor
         self.relaxation = relaxation
         self.seconds = seconds
-        self._model = model
+        self.relaxer = relaxer
         self._from_rest = from_rest
 
     @cached_property
@@ -93,7 +95,7 @@ class Increment:
 
         Copied from the device when first asked for.
         """
-        return to_mesh_order(self._model, self.from_rest)
+        return to_mesh_order(self.relaxer.model, self.from_rest)
 
     @property
     def from_rest(self) -> np.ndarray:
@@ -109,12 +111,14 @@ def simulate(
     *,
     relaxer: Relaxer | None = None,
     confirm_inverted: bool = True,
+    message: Callable[[str], None] = lambda why: None,
 ) -> Iterator[Increment]:
     """Moves the trunk along the path of its bones and yields it after every increment.
 
     Displacements are from the mesh before surgery, which is at rest or where gravity pulls the rest state
     (`sag_free`); the rest state stays the same over all increments. All increments but the last are relaxed to
-    `ON_THE_WAY` tolerances, by an estimate, and end NEAR; that of the last is confirmed. By the method `gradient`
+    `ON_THE_WAY` tolerances, by an estimate, and end NEAR; that of the last is confirmed, in float64 where float32
+    has no digits for it: `message` is called with the reason before it continues so. By the method `gradient`
     each ends STOPPED, where the energy no longer falls. `watch` is called after every accepted step of every
     relaxation; for it and `confirm_inverted` see `Relaxer.relax`. `relaxer` is one that an earlier simulation of
     this model used, for another plan for the same patient: its set-up is most of what a simulation costs beside
@@ -162,7 +166,8 @@ def simulate(
             near = relaxation.estimated_error <= NEAR * options.relax.tolerance
             displacement = wp.clone(relaxer.state.displacement)
             seconds = time.perf_counter() - start
-        yield Increment(model, number, load_factor, displacement, relaxation, seconds=seconds)
+        increment = Increment(relaxer, number, load_factor, displacement, relaxation, seconds=seconds)
+        yield _in_float64(increment, bone_path, watch, confirm_inverted, message) if final else increment
 
 
 def continued(
@@ -172,10 +177,11 @@ def continued(
     watch: Callable[[RelaxStep, State], None] | None = None,
     *,
     confirm_inverted: bool = True,
+    message: Callable[[str], None] = lambda why: None,
 ) -> Increment:
     """An increment relaxed further by the relaxer of another model of its mesh: in float64, or with more free.
 
-    Its steps and iterations are added to those before."""
+    Its steps and iterations are added to those before. See `simulate` for the other arguments."""
     start, model = time.perf_counter(), relaxer.model
     displacement, bones = last.displacement.copy(), model.order[model.prescribed]
     displacement[bones] = bone_path.at(last.load_factor)[bones]  # they were rounded to float32
@@ -192,7 +198,26 @@ def continued(
         history=before.history
         + tuple(replace(step, seconds=last.seconds + step.seconds) for step in relaxation.history),
     )
-    return Increment(model, last.number, last.load_factor, from_rest, relaxation, seconds=seconds)
+    increment = Increment(relaxer, last.number, last.load_factor, from_rest, relaxation, seconds=seconds)
+    return _in_float64(increment, bone_path, watch, confirm_inverted, message)
+
+
+def _in_float64(
+    last: Increment,
+    bone_path: PrescribedPath,
+    watch: Callable[[RelaxStep, State], None] | None,
+    confirm_inverted: bool,
+    message: Callable[[str], None],
+) -> Increment:
+    """An increment continued in float64 where float32 was to confirm its end and cannot, or else itself."""
+    model, relaxation = last.relaxer.model, last.relaxation
+    if relaxation.status is not RelaxStatus.STALLED or model.precision == "float64":
+        return last
+    if relaxation.inverted_tets and not confirm_inverted:
+        return last
+    message("float32 cannot confirm the equilibrium; the relaxation continues in float64")
+    relaxer = Relaxer(model.in_precision("float64"), last.relaxer.options)
+    return continued(last, bone_path, relaxer, watch, confirm_inverted=confirm_inverted)
 
 
 def check_path(model: Model, bone_path: PrescribedPath) -> None:

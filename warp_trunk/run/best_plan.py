@@ -72,7 +72,7 @@ class PlanTrial:
     def numbers(self) -> dict[str, Sensitivity]:
         """The number of each level with what it depends on."""
         aim, prediction = self._search.aim, self.prediction
-        linear = Linearization(prediction.model, prediction.last, relaxer=prediction.patient.relaxer)
+        linear = Linearization(prediction.model, prediction.last, relaxer=prediction.relaxer)
         found = sensitivities(prediction, all_humps=aim == "hump", linear=linear)
         return {one.level: one for one in found if one.quantity == AIMS[aim][0]}
 

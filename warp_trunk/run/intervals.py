@@ -163,7 +163,7 @@ class _Solved:
 def _solve(prediction: Prediction, sources: Sequence[ErrorSource], normals: np.ndarray, draws: int) -> _Solved:
     """Adjoints of all numbers, and how the tissue follows all fields of error, in one go."""
     case, trunk, given = prediction.case, prediction.trunk, prediction.case.uncertainty
-    relaxer = prediction.patient.relaxer
+    relaxer = prediction.relaxer
     linear = Linearization(prediction.model, prediction.last, ACCURACY, relaxer=relaxer)
     numbers = numbers_of(prediction)
     force_derivatives = force_derivatives_of(prediction, linear)

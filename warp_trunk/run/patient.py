@@ -85,11 +85,6 @@ class PreparedPatient:
         response = spline_response(self.case.landmarks_before.points, self.trunk.nodes)
         return response.astype(self.model.precision)  # memory is what a product with it waits for
 
-    def in_float64(self) -> PreparedPatient:
-        """The same patient with her model in float64."""
-        options = dataclasses.replace(self.options, precision="float64")
-        return dataclasses.replace(self, options=options, model=_model(self.case, self.trunk, options))
-
     def released(self, nodes: np.ndarray) -> PreparedPatient:
         """The same patient with some nodes on bone free (indices): they relax with the tissue."""
         bone = self.trunk.bone.copy()

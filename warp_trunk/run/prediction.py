@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.engine.model import Model
+from warp_trunk.engine.newton import Relaxer
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.simulation import Increment, continued, simulate
 from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
@@ -39,7 +40,7 @@ class Prediction:
     """One case of a patient, predicted or about to be (`relax`)."""
 
     patient: PreparedPatient
-    """Her mesh and model; after a relaxation that had to continue in float64, those in float64."""
+    """Her mesh and model."""
     case: Case
     """The patient with what is planned."""
     path: PrescribedMotion
@@ -61,8 +62,13 @@ class Prediction:
 
     @property
     def model(self) -> Model:
-        """Her mesh on its device, at rest."""
-        return self.patient.model
+        """Her mesh on its device, at rest; in float64 where the last relaxation had to continue so."""
+        return self.relaxer.model
+
+    @property
+    def relaxer(self) -> Relaxer:
+        """The solver of that model."""
+        return self.last.relaxer if self.increments else self.patient.relaxer
 
     @property
     def last(self) -> Increment:
@@ -107,6 +113,7 @@ class Prediction:
             watch,
             relaxer=patient.relaxer,
             confirm_inverted=not self._releases,  # else the tissue comes off the bone first
+            message=message,
         )
         for increment in increments:
             if increment.number == options.increments and options.relax.method == "newton":
@@ -127,28 +134,24 @@ class Prediction:
         message: Callable[[str], None],
         watch: Callable[[RelaxStep, State], None] | None,
     ) -> Increment:
-        """The last increment relaxed further, where tetrahedra are inside out or float32 cannot confirm its end.
+        """The last increment relaxed further, where tetrahedra are inside out.
 
         Where bones slide along each other the tissue between them is pressed flat, and its tetrahedra with corners
         on bone may end inside out. There the tissue comes off the bone: those corners become free.
         """
         releases = self._releases
-        while True:
-            status = last.relaxation.status
-            folded = releases and last.relaxation.inverted_tets and status is not RelaxStatus.STEP_LIMIT
-            pinched = _pinched(self.trunk, last) if folded else np.empty(0, dtype=np.int64)
+        while releases and last.relaxation.inverted_tets and last.relaxation.status is not RelaxStatus.STEP_LIMIT:
+            pinched = _pinched(self.trunk, last)
             if len(pinched):
                 releases -= 1
                 message(f"tissue comes off the bones at {len(pinched)} nodes, where it would end inside out")
                 self.patient, self.released = self.patient.released(pinched), self.released + len(pinched)
-            elif status is RelaxStatus.STALLED and self.options.precision == "float32":
-                message("float32 cannot confirm the equilibrium; the relaxation continues in float64")
-                self.patient = self.patient.in_float64()
-            elif status is not RelaxStatus.NEAR:
-                return last
-            else:  # nothing can be released: what is inverted stays so, and is confirmed
+            else:  # what is inverted stays so, and is confirmed
                 releases = 0
-            last = continued(last, self.path, self.patient.relaxer, watch, confirm_inverted=not releases)
+            last = continued(
+                last, self.path, self.patient.relaxer, watch, confirm_inverted=not releases, message=message
+            )
+        return last
 
     @property
     def converged(self) -> bool:

@@ -115,7 +115,7 @@ def fit_case(job: FitJob, counted: np.ndarray) -> CaseFit:
     case = with_constants(kept.case, {**job.constants, **values_of(job.free, counted)})
     prediction = prepare(case, options, kept.trunk).relax()
     trunk, last = prediction.trunk, prediction.last
-    relaxer, skin_nodes, status = prediction.patient.relaxer, trunk.skin_nodes, last.relaxation.status
+    relaxer, skin_nodes, status = prediction.relaxer, trunk.skin_nodes, last.relaxation.status
     linear = Linearization(
         prediction.model, last, relaxer=relaxer, unconfirmed=status is not RelaxStatus.NOT_FINITE
     )
