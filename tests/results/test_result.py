@@ -115,7 +115,7 @@ def test_an_earlier_result_stays_whole_when_writing_fails(simulated, tmp_path, m
     write = Path.write_bytes
 
     def full(path: Path, data: bytes) -> int:
-        if path.suffix == ".vtu":
+        if path.suffix == ".json":
             raise OSError(28, "No space left on device")
         return write(path, data)
 

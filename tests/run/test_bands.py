@@ -151,7 +151,7 @@ def test_a_missed_plan_is_a_change_of_its_landmarks() -> None:
     """A tenth of the whole correction less leaves a Cobb angle that is nearly a tenth of the correction larger."""
     certain = replace(WHOLE, uncertainty=Uncertainty(landmark_error=0.0, landmark_error_sd=0.0))
     move = 0.1 * (AFTER.points - WHOLE.landmarks_before.points)
-    rows, _ = spine_bands(
+    rows, *_ = spine_bands(
         certain, [ErrorSource("amount", "a tenth", "none", of_surgery=True, landmarks_after=move)]
     )
     bands = MeasureTable(rows).column("predicted", "cobb_deg")

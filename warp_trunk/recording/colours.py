@@ -8,7 +8,7 @@ from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures
-from warp_trunk.report.hump import hump_on_vertices, hump_palette, scale_limit
+from warp_trunk.report.hump import Painted, hump_on_vertices, hump_palette, painted_difference, scale_limit
 from warp_trunk.report.relief import BEHIND, relief, window
 
 SKIN, BONE = (229, 194, 172), (236, 226, 198)
@@ -29,9 +29,10 @@ Paint = Callable[[Surface, Landmarks], np.ndarray]
 def hump_paint(case: Case, before: TrunkMeasures) -> tuple[Paint, float]:
     """The colours of the report's hump, and the end of their scale [mm]."""
 
-    def differences(skin: Surface, landmarks: Landmarks) -> tuple[np.ndarray, np.ndarray]:
+    def differences(skin: Surface, landmarks: Landmarks) -> Painted:
         seen = window([(skin, landmarks)], PIXEL, BEHIND)
-        return hump_on_vertices(skin, landmarks, relief(skin, landmarks, seen, BEHIND), seen)
+        back = relief(skin, landmarks, seen, BEHIND)
+        return hump_on_vertices(skin, landmarks, back, seen, painted_difference(back, seen))
 
     first = difference, part = differences(case.skin, case.landmarks_before)
     limit = scale_limit([abs(before.max_hump or 0.0), float(np.abs(difference * (part > 0.5)).max())])

@@ -70,40 +70,33 @@ class Scene:
 
     def still(self, when: str, skin: Surface, displacement: np.ndarray, landmarks: np.ndarray) -> None:
         """Logs a trunk that does not move, `before` or `target`, without a time."""
-        vertices, faces = np.array(skin.vertices, np.float32), skin.faces.astype(np.uint32)
-        normals = vertex_normals(skin)
-        mesh = rr.Mesh3D(
-            vertex_positions=vertices,
-            triangle_indices=faces,
-            vertex_normals=normals,
-            vertex_colors=self._painted(skin, landmarks),
-        )
-        self._log(f"{when}/skin", mesh, static=True)
-        self._inside(when, displacement, landmarks, static=True)
+        triangles = rr.Mesh3D.from_fields(triangle_indices=skin.faces.astype(np.uint32))
+        self._log(f"{when}/skin", triangles, static=True)
+        self._trunk_at(when, skin, displacement, landmarks, static=True)
 
     def now(self, displacement: np.ndarray, landmarks: np.ndarray) -> None:
         """Logs bones, landmarks and the skin in its colours."""
         skin, way = self._case.skin, displacement[self._trunk.skin_nodes]
         if way.any():
             skin = skin.moved(skin.vertices + way)
+        self._trunk_at("now", skin, displacement, landmarks, static=False)
+
+    def _trunk_at(
+        self, when: str, skin: Surface, displacement: np.ndarray, landmarks: np.ndarray, *, static: bool
+    ) -> None:
+        names = self._case.landmarks_before.names
         mesh = rr.Mesh3D.from_fields(
             vertex_positions=np.array(skin.vertices, np.float32),
             vertex_normals=vertex_normals(skin),
-            vertex_colors=self._painted(skin, landmarks),
+            vertex_colors=self._paint(skin, Landmarks(names, landmarks)),
         )
-        self._log("now/skin", mesh)
-        self._inside("now", displacement, landmarks, static=False)
-
-    def _painted(self, skin: Surface, landmarks: np.ndarray) -> np.ndarray:
-        return self._paint(skin, Landmarks(self._case.landmarks_before.names, landmarks))
-
-    def _inside(self, when: str, displacement: np.ndarray, landmarks: np.ndarray, *, static: bool) -> None:
+        self._log(f"{when}/skin", mesh, static=static)
         moved = (self._trunk.nodes + displacement)[self._bone_nodes].astype(np.float32)
         normals = vertex_normals(Surface(moved, self._bone_faces))
         bones = rr.Mesh3D.from_fields(vertex_positions=moved, vertex_normals=normals)
         self._log(f"{when}/bones", bones, static=static)
-        names, points = list(self._case.landmarks_before.names), np.array(landmarks, np.float32)
-        marks = rr.Points3D(points, radii=2.5, colors=NOW, labels=names, show_labels=False)
+        points = np.array(landmarks, np.float32)
+        marks = rr.Points3D(points, radii=2.5, colors=NOW, labels=list(names), show_labels=False)
         self._log(f"{when}/landmarks", marks, static=static)
 
     def section(self, when: str, measures: TrunkMeasures, colour: tuple[int, int, int], *, static: bool) -> None:

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.geometry.normals import area_vectors, unit
 from warp_trunk.geometry.section import sections, trunk_loop
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures.spine import Spine, asis_axis, spine_of
@@ -50,16 +49,11 @@ def soft(before: Surface) -> np.ndarray:
     A scan ends in planes through neck, arms and thighs; their rims are the only sharp convex edges of a skin.
     """
     from scipy.spatial import KDTree
+    from trimesh import Trimesh
 
-    normals = unit(area_vectors(before.vertices, before.faces))
-    edges = np.concatenate([before.faces[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
-    order = np.lexsort(np.sort(edges, axis=1).T)
-    face = np.tile(np.arange(len(before.faces)), 3)[order].reshape(-1, 2)  # closed: every edge has two
-    corners = edges[order[::2]]
-    bent = np.einsum("ij,ij->i", normals[face[:, 0]], normals[face[:, 1]]) < np.cos(np.radians(_SHARP))
-    middles = before.vertices[before.faces].mean(axis=1)
-    convex = np.einsum("ij,ij->i", normals[face[:, 0]], middles[face[:, 1]] - middles[face[:, 0]]) < 0.0
-    rim = np.unique(corners[bent & convex])
+    mesh = Trimesh(before.vertices, before.faces, process=False)
+    sharp = mesh.face_adjacency_angles > np.radians(_SHARP)
+    rim = np.unique(mesh.face_adjacency_edges[sharp & mesh.face_adjacency_convex])
     if not len(rim):
         return np.zeros(len(before.vertices))
     distance = KDTree(before.vertices[rim]).query(before.vertices)[0]

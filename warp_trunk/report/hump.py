@@ -48,7 +48,11 @@ def side_difference(back: Relief, seen: Window) -> tuple[np.ndarray, np.ndarray]
     return difference, np.nan_to_num(np.minimum(facing, _between_columns(facing, column)))
 
 
-def painted_difference(back: Relief, seen: Window) -> tuple[np.ndarray, np.ndarray]:
+Painted = tuple[np.ndarray, np.ndarray]
+"""How far each place stands behind the other side [mm], and how strongly that is painted, 0 to 1."""
+
+
+def painted_difference(back: Relief, seen: Window) -> Painted:
     """`side_difference` as it is painted: smoothed over `SMOOTH`, and fading out at both ends of the spine."""
     from scipy.ndimage import gaussian_filter  # heavy
 
@@ -81,16 +85,13 @@ def hump_palette(limit: float) -> np.ndarray:
     return np.column_stack([np.interp(place, anchors, one) for one in np.transpose(PURPLE_ORANGE)]) / 255.0
 
 
-def hump_on_vertices(
-    skin: Surface, landmarks: Landmarks, back: Relief, seen: Window
-) -> tuple[np.ndarray, np.ndarray]:
-    """`painted_difference` on the vertices of a skin, 0 where not seen from behind; shape (vertices,) each."""
+def hump_on_vertices(skin: Surface, landmarks: Landmarks, back: Relief, seen: Window, painted: Painted) -> Painted:
+    """The `painted` values at the vertices of a skin, 0 where not seen from behind; shape (vertices,) each."""
     from scipy.ndimage import map_coordinates  # heavy
 
     x, depth, z = seen_from(skin.vertices, landmarks, BEHIND).T
     place = [(seen.z[0] - z) / seen.pixel, (seen.x[0] - x) / seen.pixel]
     difference, part, near = (
-        map_coordinates(np.nan_to_num(image), place, order=1)
-        for image in (*painted_difference(back, seen), back.depth)
+        map_coordinates(np.nan_to_num(image), place, order=1) for image in (*painted, back.depth)
     )
     return difference, part * (np.abs(near - depth) < COLOUR_STEP)

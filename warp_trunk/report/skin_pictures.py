@@ -16,7 +16,7 @@ from warp_trunk.measures.back_rotation import hump_top
 from warp_trunk.measures.skin_quality import LOOK, STRETCH, SkinChange
 
 from .clothing import cloth_surfaces
-from .hump import COLOUR_STEP, hump_palette, painted_difference, scale_limit
+from .hump import COLOUR_STEP, Painted, hump_palette, scale_limit
 from .panels import CLAY, coloured, panels, shaded
 from .relief import BEHIND, FRONT, Relief, Viewpoint, Window, relief, seen_from, window
 from .style import INK, TrunkState
@@ -191,25 +191,29 @@ def values_picture(
     return coloured(pose, seen, view, skin, shown, part, colours=colours, norm=norm, label=label)[0]
 
 
-def hump_limit(poses: Sequence[TrunkState], reliefs: Sequence[Relief], seen: Window) -> float:
+def hump_limit(poses: Sequence[TrunkState], painted: Sequence[Painted]) -> float:
     """Where the scale of the hump ends that holds all poses [mm]."""
-    differences = [painted_difference(back, seen) for back in reliefs]
-    largest = [float(np.nanmax(np.where(part > 0.5, abs(one), 0.0))) for one, part in differences]
+    largest = [float(np.nanmax(np.where(part > 0.5, abs(one), 0.0))) for one, part in painted]
     return scale_limit([*largest, *(abs(pose.number("max_hump_mm") or 0.0) for pose in poses)])
 
 
-def hump_picture(poses: Sequence[TrunkState], reliefs: Sequence[Relief], seen: Window, limit: float) -> Figure:
+def hump_picture(
+    poses: Sequence[TrunkState],
+    reliefs: Sequence[Relief],
+    painted: Sequence[Painted],
+    seen: Window,
+    limit: float,
+) -> Figure:
     """Every pose coloured by how far each place stands behind the other side of the back, with its spine; the two
     places of the largest hump are ringed. The scale ends at `limit` [mm]."""
-    differences = [painted_difference(back, seen) for back in reliefs]
     bounds, palette = np.arange(-limit, limit + COLOUR_STEP, COLOUR_STEP), hump_palette(limit)
     colours, norm = ListedColormap(palette), BoundaryNorm(bounds, len(palette))
     images = [
         shaded(back, colours(norm(np.nan_to_num(difference)))[:, :, :3], part * np.isfinite(difference))
-        for back, (difference, part) in zip(reliefs, differences, strict=True)
+        for back, (difference, part) in zip(reliefs, painted, strict=True)
     ]
     figure, plots = panels([pose.look.heading for pose in poses], seen.extent, BEHIND, images, legend=0.95)
-    for axes, pose, back, (difference, part) in zip(plots[:-1], poses, reliefs, differences, strict=True):
+    for axes, pose, back, (difference, part) in zip(plots[:-1], poses, reliefs, painted, strict=True):
         compared = np.ma.masked_where(~((part > 0.5) & np.isfinite(difference)), np.nan_to_num(difference))
         steps = np.arange(10.0, limit, 10.0)
         lines(axes, seen, compared, steps.tolist(), "solid")

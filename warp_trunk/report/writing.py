@@ -25,7 +25,7 @@ from warp_trunk.measures.skin_quality import skin_change
 
 from . import skin_pictures as skins
 from .clothing import dressed
-from .hump import hump_on_vertices, hump_palette
+from .hump import hump_on_vertices, hump_palette, painted_difference
 from .page import STATES, page, part_page, plan_of_result
 from .part_pictures import change_sections, changed_views, frame_of
 from .plans import check_plans, plan_poses, plans_page, plans_table
@@ -213,27 +213,30 @@ def _backs(
 ) -> tuple[dict[str, Figure | None], Turning]:
     """The pictures of the back, and the trunk to turn: its states with the triangles of the first, and a likely
     better and a likely worse one."""
-    every = dressed([*poses, *likely])
-    poses, likely = every[: len(poses)], every[len(poses) :]
-    seen, all_reliefs = skins.looks(every, pixel=skins.FINE)
-    reliefs = all_reliefs[: len(poses)]
-    back = skins.back_picture(poses, reliefs, seen, doubtful)
-    limit, states = hump_limit(every, all_reliefs, seen), []
-    for pose, one in zip(every, all_reliefs, strict=True):
-        if pose.worn is not None and np.array_equal(pose.skin.faces, poses[0].skin.faces):
-            cloth = in_pelvis(pose.worn.cloth.reshape(-1, 3), pose.landmarks).reshape(pose.worn.cloth.shape)
-            skin, hump = (
-                in_pelvis(pose.worn.skin.vertices, pose.landmarks),
-                hump_on_vertices(pose.worn.skin, pose.landmarks, one, seen),
-            )
-            states.append(TurningState(pose.look.heading, skin, cloth, *hump))
-    skin = poses[0].skin
-    trunk = turning(states, skin.faces, palette=hump_palette(limit), limit=limit, colours=skin.colours, bare=bare)
-    figures: dict[str, Figure | None] = {"back": back, "hump": hump_picture(poses, reliefs, seen, limit)}
-    if likely:
-        better, worse = likely
-        row, views = [better, poses[1], worse], [all_reliefs[-2], reliefs[1], all_reliefs[-1]]
-        figures["likely"] = hump_picture(row, views, seen, limit)
+    every, first = dressed([*poses, *likely]), poses[0].skin
+    seen, reliefs = skins.looks(every, pixel=skins.FINE)
+    painted = [painted_difference(back, seen) for back in reliefs]
+    limit, states = hump_limit(every, painted), []
+    for pose, back, values in zip(every, reliefs, painted, strict=True):
+        if pose.worn is not None and np.array_equal(pose.skin.faces, first.faces):
+            skin, cloth = pose.worn.skin, in_pelvis(pose.worn.cloth.reshape(-1, 3), pose.landmarks)
+            hump = hump_on_vertices(skin, pose.landmarks, back, seen, values)
+            places = in_pelvis(skin.vertices, pose.landmarks)
+            states.append(TurningState(pose.look.heading, places, cloth.reshape(pose.worn.cloth.shape), *hump))
+    trunk = turning(
+        states, first.faces, palette=hump_palette(limit), limit=limit, colours=first.colours, bare=bare
+    )
+
+    def humps(rows: Sequence[int]) -> Figure:
+        shown = ([each[row] for row in rows] for each in (every, reliefs, painted))
+        return hump_picture(*shown, seen, limit)
+
+    own = len(poses)
+    figures: dict[str, Figure | None] = {
+        "back": skins.back_picture(every[:own], reliefs[:own], seen, doubtful),
+        "hump": humps(range(own)),
+        "likely": humps([own, 1, own + 1]) if likely else None,
+    }
     return figures, trunk
 
 

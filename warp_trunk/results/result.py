@@ -227,27 +227,16 @@ def write_result(folder: Path, result: Result) -> None:
         EFFECTS: (write_effects, result.effects),
         SUMMARY: (write_summary, result.summary),
     }
-    contents = {name: content for name, content in contents.items() if content[1] is not None}
+    written = {name: content for name, content in contents.items() if content[1] is not None}
     recording, kept = result.recording, partial(folder / RECORDING)
     with named(folder):
         write_trunk(partial(folder / TRUNK), *result.tissue)
-        for name, (write, content) in contents.items():
+        for name, (write, content) in written.items():
             write(partial(folder / name), content)
         if recording is not None and recording != kept:
             shutil.copyfile(recording, kept)
     made_of_it = [PAGE, *(f"{MEASURES}.{ending}" for ending in ("json", "csv", "png"))]
-    optional = (
-        RECORDING,
-        ACTUAL_SKIN,
-        SKIN_SD,
-        UNSEEN_SKIN,
-        EFFECTS,
-        PLAN,
-        MOTIONS,
-        LANDMARKS_BEFORE,
-        LANDMARKS_AFTER,
-    )
-    for name in (SUMMARY, *optional, *made_of_it):  # SUMMARY first: it says that the folder is complete
+    for name in (SUMMARY, *contents, RECORDING, MOTIONS, *made_of_it):  # first what says that it is complete
         (folder / name).unlink(missing_ok=True)
     for picture in (folder / PICTURES).glob("*.png"):
         with picture.open("rb") as file:
@@ -256,7 +245,7 @@ def write_result(folder: Path, result: Result) -> None:
             picture.unlink()
     if recording is not None:
         os.replace(kept, folder / RECORDING)
-    for name in (TRUNK, *contents):
+    for name in (TRUNK, *written):
         complete(folder / name)
     result.saved_in, result.recording = folder, None if recording is None else folder / RECORDING
 

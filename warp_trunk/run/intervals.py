@@ -90,19 +90,19 @@ def find_bands(prediction: Prediction, *, draws: int = DRAWS) -> FoundBands:
         skin_max_mm=float(skin_sd.max()),
         draws=draws,
     )
-    of_spine, spine = spine_bands(case, sources)
+    of_spine, by_spine, by_landmarks = spine_bands(case, sources)
     rows = [*intervals(PREDICTED, effects), *of_spine, *intervals(EXACT, exact)]
     hump = next((row.sd for row in rows if (row.state, row.quantity) == (PREDICTED, "max_hump_mm")), None)
     by_source = np.array([effects[source.name] for source in sources])
     apart = [np.concatenate([one.landmarks_before, one.landmarks_after]).ravel() for one in solved.apart]
     both = Effects(
-        names=np.array([*names, *spine.names], dtype=str).reshape(-1, 2),
+        names=np.array([*names, *((row.quantity, row.level) for row in of_spine)], dtype=str).reshape(-1, 2),
         sources=np.array([source.name for source in sources], dtype=str),
         effects=np.vstack(
-            [by_source.reshape(len(sources), -1).T[at] if sources else np.zeros((len(at), 0)), spine.effects]
+            [by_source.reshape(len(sources), -1).T[at] if sources else np.zeros((len(at), 0)), by_spine]
         ),
-        landmarks=np.vstack([case.uncertainty.landmark_sd * np.array(apart)[at], spine.landmarks]),
-        ratio=np.append(ratio[at], spine.ratio),
+        landmarks=np.vstack([case.uncertainty.landmark_sd * np.array(apart)[at], by_landmarks]),
+        ratio=np.append(ratio[at], np.ones(len(of_spine))),
         likely_worse=_likely_worse(solved, on_skin, hump or 0.0),
     )
     return FoundBands(tuple(rows), bands, skin_sd, both)
@@ -270,18 +270,9 @@ OBLIQUE = np.array([0.7, 0.5, 0.3])
 """A generic direction, on which every measure depends."""
 
 
-@dataclass(frozen=True, eq=False)
-class _OfSpine:
-    """The part of `Effects` that is of the planned spine, with the same fields."""
-
-    names: list[tuple[str, str]]
-    effects: np.ndarray
-    landmarks: np.ndarray
-    ratio: np.ndarray
-
-
-def spine_bands(case: Case, sources: Sequence[ErrorSource]) -> tuple[list[Measured], _OfSpine]:
-    """The measures of the planned spine with their intervals, and the effects that these come from.
+def spine_bands(case: Case, sources: Sequence[ErrorSource]) -> tuple[list[Measured], np.ndarray, np.ndarray]:
+    """The measures of the planned spine with their intervals, and the `effects` and `landmarks` of `Effects` that
+    these come from.
 
     A Cobb angle is that between the end vertebrae that the curve has before surgery, and rotation that of its apex
     before. Each landmark after surgery has its own error; how surgery misses the plan comes on top.
@@ -302,8 +293,7 @@ def spine_bands(case: Case, sources: Sequence[ErrorSource]) -> tuple[list[Measur
         Measured.with_sd(PREDICTED, name[1], name[0], values[name], sd)
         for name, sd in zip(names, sds, strict=True)
     ]
-    both = np.hstack([np.zeros_like(landmarks), landmarks])  # before surgery, after
-    return rows, _OfSpine(names, effects, both, np.ones(len(names)))
+    return rows, effects, np.hstack([np.zeros_like(landmarks), landmarks])  # before surgery, after
 
 
 def _derivatives(

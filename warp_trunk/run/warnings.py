@@ -44,18 +44,15 @@ def curve_warnings(before: Landmarks, after: Landmarks, pose: Pose = "surgery") 
 
 def option_warnings(tissues: Iterable[Tissue], gravity: float) -> list[str]:
     """A sentence for each constant that no soft tissue, or no place on the Earth, has."""
-    found: dict[str, None] = {}  # each once, in order
-    for tissue in tissues:
-        for name, (least, most, unit) in USUAL_TISSUE.items():
-            value = getattr(tissue, name)
-            if not least <= value <= most:
-                found[
-                    f"tissue: '{name}' is {value:g} {unit}, {least:g} to {most:g} is usual for soft tissue; "
-                    "look at its unit."
-                ] = None
+    found = [
+        f"tissue: '{name}' is {value:g} {unit}, {least:g} to {most:g} is usual for soft tissue; look at its unit."
+        for tissue in tissues
+        for name, (least, most, unit) in USUAL_TISSUE.items()
+        if not least <= (value := getattr(tissue, name)) <= most
+    ]
     if gravity and not USUAL_GRAVITY[0] <= gravity <= USUAL_GRAVITY[1]:
-        found[f"gravity: is {gravity:g} m/s^2, 9.81 is that of the Earth; look at its unit."] = None
-    return list(found)
+        found.append(f"gravity: is {gravity:g} m/s^2, 9.81 is that of the Earth; look at its unit.")
+    return list(dict.fromkeys(found))  # each once
 
 
 def _unfinished(last: Relaxation) -> list[str]:
