@@ -22,7 +22,7 @@ from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.measures import cobb_angles
 from warp_trunk.preparation.back_scan import fit_back
-from warp_trunk.preparation.back_scan.cut import cut_back
+from warp_trunk.preparation.back_scan.scan import cut_back
 from warp_trunk.preparation.deformity import SpineCurve, make_case
 
 CURVES = {

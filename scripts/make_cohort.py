@@ -30,7 +30,7 @@ from warp_trunk.case.tissue_file import with_constants
 from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.geometry.coarsening import coarsen
-from warp_trunk.geometry.normals import vertex_normals
+from warp_trunk.geometry.surface import vertex_normals
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.run.progress import Progress
 

@@ -34,8 +34,7 @@ from warp_trunk.engine.simulation import Increment, SimulationOptions
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import compare_skins, curves_after, measure
-from warp_trunk.meshing import MeshOptions
-from warp_trunk.meshing.predicted_skin import predicted_skin
+from warp_trunk.meshing import MeshOptions, predicted_skin
 from warp_trunk.preparation.deformity import SpineCurve, make_case
 from warp_trunk.preparation.landmark_finder import find_landmarks
 from warp_trunk.run.intervals import find_bands

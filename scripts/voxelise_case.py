@@ -15,7 +15,7 @@ from trunks import read_trunk
 
 from warp_trunk import Surface
 from warp_trunk.geometry.distance_field import Grid, SurfaceDistance
-from warp_trunk.preparation.label_maps.names import TABLES
+from warp_trunk.preparation.label_maps.sources import TABLES
 
 _ROOM = 4
 """Voxels of air around all."""

@@ -8,7 +8,7 @@ import pytest
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
 from warp_trunk.io.surface_files import write_surface
-from warp_trunk.preparation.back_scan.cut import cut_back
+from warp_trunk.preparation.back_scan.scan import cut_back
 from warp_trunk.preparation.phantom import straight_trunk
 
 

@@ -38,7 +38,7 @@ from warp_trunk.io.volume_reader import read_volume
 from warp_trunk.io.volume_writer import write_volume
 from warp_trunk.meshing import cache
 from warp_trunk.meshing.layers import labels_from_mesh
-from warp_trunk.preparation.label_maps.names import label_table
+from warp_trunk.preparation.label_maps.sources import label_table
 from warp_trunk.preparation.reconstruction.triangulation import read_film, read_projection
 from warp_trunk.results import read_result
 

@@ -23,7 +23,7 @@ from warp_trunk.case import Case, write_case
 from warp_trunk.case.case import Study
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
 from warp_trunk.io.surface_files import read_surface, write_surface
-from warp_trunk.preparation.back_scan.cut import cut_back
+from warp_trunk.preparation.back_scan.scan import cut_back
 from warp_trunk.preparation.deformity import SpineCurve, impose, make_case
 from warp_trunk.preparation.phantom import straight_trunk
 from warp_trunk.results.summary import read_summary

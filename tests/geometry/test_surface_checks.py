@@ -6,8 +6,7 @@ import pytest
 from support.synthetic import box, sphere
 from support.trunk_shapes import joined
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.normals import area_vectors, unit, vertex_areas, vertex_normals
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, area_vectors, unit, vertex_areas, vertex_normals
 from warp_trunk.geometry.surface_checks import (
     check_solid,
     crossings,

@@ -18,7 +18,7 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.result_files import picture_source
 from warp_trunk.io.surface_files import write_surface
 from warp_trunk.measures.quantities import Measured
-from warp_trunk.meshing.predicted_skin import predicted_skin
+from warp_trunk.meshing import predicted_skin
 from warp_trunk.results import read_result, read_summary, result_of
 
 WHOLE = {

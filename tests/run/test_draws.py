@@ -7,8 +7,8 @@ import numpy as np
 from support.small_trunk import boned_case
 from warp_trunk.bone_motion.prescribed_motion import spline_path
 from warp_trunk.case.uncertainty import Uncertainty
-from warp_trunk.geometry.normals import vertex_normals
 from warp_trunk.geometry.spline import spline_response
+from warp_trunk.geometry.surface import vertex_normals
 from warp_trunk.run.draws import SAMPLE, Draws, draw_landmarks, spline_draws
 
 CASE, TRUNK = boned_case()

@@ -12,7 +12,7 @@ from voxelise_case import grid_around, label_map, theirs, write_labels
 from support.blocks import spine_and_hips
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.preparation.label_maps.mask import Mask
-from warp_trunk.preparation.label_maps.names import TABLES
+from warp_trunk.preparation.label_maps.sources import TABLES
 
 LEVELS = ("T5", "T6", "T7", "T8")
 NUMBERS = {name: number for number, name in TABLES["totalsegmentator-v2"].items()}

@@ -14,7 +14,7 @@ from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks
 from warp_trunk.engine.relaxation import Energy, Relaxation, RelaxStatus
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
-from warp_trunk.meshing.predicted_skin import predicted_skin
+from warp_trunk.meshing import predicted_skin
 from warp_trunk.recording import Recording
 
 from .meshes import grid, trunk, with_skin

@@ -8,9 +8,8 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
-from warp_trunk.geometry.normals import area_vectors
 from warp_trunk.geometry.section import SHOULDERS, enclosed_area, own_part, sections, trunk_loop
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, area_vectors
 
 from .anatomy import rib_of
 from .landmarks import Landmarks

@@ -18,8 +18,7 @@ from warp_trunk.kernels.starting import start_warp
 from warp_trunk.kernels.surface import allowed_collapses, edge_lengths, least_around, sort_corners
 
 from .colours import coloured_from
-from .normals import area_vectors, unit
-from .surface import Surface, compact
+from .surface import Surface, area_vectors, compact, unit
 from .surface_checks import crossings, manifold_fault, slivers
 
 _LONGEST = 1.4

@@ -12,8 +12,7 @@ from warp_trunk.kernels.surface import crossing_faces
 
 from .cores import launch_over_cores
 from .distance_field import search_tree
-from .normals import area_vectors
-from .surface import Surface, compact, directed_edges
+from .surface import Surface, area_vectors, compact, directed_edges
 
 
 def linked_parts(first: np.ndarray, second: np.ndarray, count: int) -> np.ndarray:

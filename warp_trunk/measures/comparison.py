@@ -12,7 +12,7 @@ import numpy as np
 
 from warp_trunk.case.anatomy import LUMBAR, THORACIC, VERTEBRAE
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.normals import corner_areas, vertex_normals
+from warp_trunk.geometry.surface import Surface, corner_areas, vertex_normals
 
 from .back_rotation import back_surface_rotation
 from .quantities import DETECTABLE, Measured
@@ -20,7 +20,6 @@ from .spine import asis_axis, spine_of
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
-    from warp_trunk.geometry.surface import Surface
 
 _SAME_WAY = 0.5
 """Cosine of 60 degrees: skin whose nearest point lies, or faces, further aside than this has none."""

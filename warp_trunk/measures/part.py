@@ -13,8 +13,7 @@ from warp_trunk.case.anatomy import region
 from warp_trunk.case.points import SKIN
 from warp_trunk.engine.trunk_mesh import tet_volumes
 from warp_trunk.geometry.distance_field import nearest
-from warp_trunk.geometry.normals import area_vectors, corner_areas
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, area_vectors, corner_areas
 
 from .comparison import same_skin
 
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
     from warp_trunk.case import Case
     from warp_trunk.engine.trunk_mesh import TrunkMesh
     from warp_trunk.geometry.rigid import RigidMotion
-    from warp_trunk.geometry.surface import Surface
 
 NEAR = 2.0
 """Studies of the face report the share of the skin that is predicted nearer than this [mm]."""

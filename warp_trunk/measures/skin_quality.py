@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.normals import area_vectors, unit
+from warp_trunk.geometry.surface import Surface, area_vectors, unit
 from warp_trunk.geometry.surface_checks import linked_parts
 
 from .spine import asis_axis, spine_of
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
-    from warp_trunk.geometry.surface import Surface
 
 LOOK = 1.2
 """Skin stretched further is shown in the report. In flexion the skin of the back lengthens by a third."""

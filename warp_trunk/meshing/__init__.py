@@ -2,6 +2,6 @@
 
 from warp_trunk.geometry.surface_checks import CrossingError
 
-from .build import MeshOptions, make_trunk
+from .build import MeshOptions, make_trunk, predicted_skin
 
-__all__ = ["CrossingError", "MeshOptions", "make_trunk"]
+__all__ = ["CrossingError", "MeshOptions", "make_trunk", "predicted_skin"]

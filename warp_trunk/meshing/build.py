@@ -7,6 +7,7 @@ import time
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from warp_trunk.geometry.surface_checks import check_solid, crossings, enclosed_
 from .bone_surface import BoneSurface, bone_surface
 from .cache import cache_key, load_cached, store_cached
 from .tetrahedra import Tetrahedra, check_number, improve_quality, tetrahedralize, usual_number
+
+if TYPE_CHECKING:
+    from warp_trunk.case import Case
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,3 +182,8 @@ def _spread(bits: np.ndarray) -> np.ndarray:
     for shift, mask in zip((32, 16, 8, 4, 2), masks, strict=True):
         bits = (bits | (bits << np.uint64(shift))) & np.uint64(mask)
     return bits
+
+
+def predicted_skin(case: Case, trunk: TrunkMesh, displacement: np.ndarray) -> Surface:
+    """The skin of a case, same vertices and faces, moved with the nodes' displacement (nodes, 3) [mm]."""
+    return case.skin.moved(case.skin.vertices + displacement[trunk.skin_nodes])

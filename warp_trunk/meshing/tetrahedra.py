@@ -20,8 +20,7 @@ import warp as wp
 from warp_trunk.engine.trunk_mesh import oriented
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
-from warp_trunk.geometry.normals import area_vectors
-from warp_trunk.geometry.surface import Surface, compact
+from warp_trunk.geometry.surface import Surface, area_vectors, compact
 from warp_trunk.geometry.surface_checks import CrossingError, components, crossings, enclosed_volume, place_of
 from warp_trunk.io.atomic_write import named
 from warp_trunk.kernels.tet_quality import mean_ratios, move_nodes

@@ -9,8 +9,7 @@ import rerun as rr
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.engine.trunk_mesh import TrunkMesh
-from warp_trunk.geometry.normals import vertex_normals
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, vertex_normals
 from warp_trunk.measures import TrunkMeasures
 from warp_trunk.measures.rows import sided
 from warp_trunk.report.hump import hump_palette

@@ -12,8 +12,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.landmarks import ASIS
-from warp_trunk.geometry.normals import area_vectors, unit
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, area_vectors, unit
 from warp_trunk.preparation.landmark_finder import FoundLandmarks
 
 from .style import FAINT, INK, RC, file_of, new_figure

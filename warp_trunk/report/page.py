@@ -13,7 +13,7 @@ import numpy as np
 
 from warp_trunk.bone_motion.plan import Plan, plan_of_text, plan_words
 from warp_trunk.engine.simulation import ON_THE_WAY
-from warp_trunk.geometry.normals import corner_areas
+from warp_trunk.geometry.surface import corner_areas
 from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.measures import SkinComparison, TrunkMeasures
 from warp_trunk.measures.part import FollowedPoint, agreement_rows, profile, swept_volumes

@@ -9,8 +9,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks
-from warp_trunk.geometry.normals import area_vectors
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, area_vectors
 from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.measures import measure
 from warp_trunk.measures.part import agreement

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.geometry.normals import area_vectors, vertex_normals
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, area_vectors, vertex_normals
 from warp_trunk.measures.spine import asis_axis
 
 MARGIN = 10.0

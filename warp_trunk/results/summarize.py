@@ -18,7 +18,7 @@ from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.measures.part import chest_indices, follow_points, is_of_chest
 from warp_trunk.measures.quantities import ACTUAL, BEFORE, PREDICTED, MeasureTable, measured
 from warp_trunk.measures.skin_quality import SkinQuality, skin_quality
-from warp_trunk.meshing.predicted_skin import predicted_skin
+from warp_trunk.meshing import predicted_skin
 
 from .result import Result
 from .summary import IncrementSummary, SpringSummary, StepSummary, Summary, Terms, as_read, versions

@@ -18,8 +18,8 @@ import numpy as np
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.uncertainty import REFERENCES
 from warp_trunk.engine.linearization import Linearization
-from warp_trunk.geometry.normals import vertex_normals
 from warp_trunk.geometry.spline import spline_response
+from warp_trunk.geometry.surface import vertex_normals
 from warp_trunk.measures.cobb import CobbAngle, cobb_angles
 from warp_trunk.measures.measures import measure_spine
 from warp_trunk.measures.quantities import EXACT, LIKELY, PREDICTED, QUANTITIES, Measured, quantities_of

@@ -15,7 +15,7 @@ from warp_trunk.engine.simulation import Increment, continued, simulate
 from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures, measure
-from warp_trunk.meshing.predicted_skin import predicted_skin
+from warp_trunk.meshing import predicted_skin
 
 from .options import RunOptions
 from .patient import PreparedPatient, find_path, patient_of

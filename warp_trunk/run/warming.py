@@ -19,7 +19,7 @@ from warp_trunk.engine.build import build_model
 from warp_trunk.engine.simulation import SimulationOptions, simulate
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
-from warp_trunk.geometry.normals import unit
+from warp_trunk.geometry.surface import unit
 from warp_trunk.run.options import RunOptions
 
 WORTH_COMPILING_AHEAD = 50_000

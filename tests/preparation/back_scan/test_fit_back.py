@@ -11,15 +11,14 @@ from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.checks import check_case
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.distance_field import SurfaceDistance
-from warp_trunk.geometry.normals import area_vectors, unit
 from warp_trunk.geometry.rigid import fit_rigid
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, area_vectors, unit
 from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.measures import cobb_angles
 from warp_trunk.measures.back_rotation import back_surface_rotation
 from warp_trunk.preparation.back_scan import fit_back
 from warp_trunk.preparation.back_scan.body import made_body
-from warp_trunk.preparation.back_scan.cut import cut_back
+from warp_trunk.preparation.back_scan.scan import cut_back
 from warp_trunk.preparation.back_scan.spine import spine_of_marks
 from warp_trunk.preparation.deformity import SpineCurve, impose
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from warp_trunk.preparation.label_maps.names import TABLES, known_name
+from warp_trunk.preparation.label_maps.sources import TABLES, known_name
 
 KNOWN = {
     "vertebrae_T8": "T8",

@@ -9,8 +9,7 @@ from support.partial_scans import scan
 from support.refusals import refuses
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import nearest
-from warp_trunk.geometry.normals import vertex_areas
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, vertex_areas
 from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume
 from warp_trunk.preparation.phantom.phantom import straight_trunk
 from warp_trunk.preparation.scanning.closing import CloseOptions, close_skin

@@ -21,7 +21,7 @@ from warp_trunk.engine.linearization import Linearization
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
-from warp_trunk.geometry.normals import area_vectors, unit
+from warp_trunk.geometry.surface import Surface, area_vectors, unit
 from warp_trunk.measures import compare_skins
 from warp_trunk.measures.comparison import skin_distance
 from warp_trunk.meshing import MeshOptions, make_trunk
@@ -34,7 +34,6 @@ from .free_constants import FreeConstant, layers_with, values_of
 if TYPE_CHECKING:
     from warp_trunk.case import Case
     from warp_trunk.engine.trunk_mesh import TrunkMesh
-    from warp_trunk.geometry.surface import Surface
 
 PLACES = 400
 """Places of the skin at which a case is compared, spread evenly over it."""

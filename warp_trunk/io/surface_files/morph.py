@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from warp_trunk.geometry.colours import to_linear
-from warp_trunk.geometry.normals import vertex_normals
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, vertex_normals
 
 SECONDS = 3.0
 """Duration of the animation [s]."""

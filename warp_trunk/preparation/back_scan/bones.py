@@ -10,8 +10,7 @@ from warp_trunk.bone_motion.rib_cage import ends
 from warp_trunk.case.anatomy import VERTEBRAE, rib_of
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
-from warp_trunk.geometry.normals import area_vectors, unit
-from warp_trunk.geometry.surface import Surface, directed_edges
+from warp_trunk.geometry.surface import Surface, area_vectors, directed_edges, unit
 
 from ..deformity.spine_curve import VertebraPose
 

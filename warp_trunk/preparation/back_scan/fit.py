@@ -13,8 +13,7 @@ from warp_trunk.case.uncertainty import Invented
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.colours import coloured_from_points
 from warp_trunk.geometry.distance_field import SurfaceDistance
-from warp_trunk.geometry.normals import corner_areas
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, corner_areas
 from warp_trunk.geometry.surface_checks import crossings
 
 from ..deformity.deformity import carried, grown
@@ -80,7 +79,7 @@ def fit_back(
     to the iliac spines. Three smooth warps bring skin and ribs onto the scan, the vertebrae at rest; then the
     skin is drawn to the points themselves where there are some (`draw_to_scan`).
 
-    >>> from warp_trunk.preparation.back_scan.cut import cut_back
+    >>> from warp_trunk.preparation.back_scan.scan import cut_back
     >>> points, spine, markers = cut_back(case)
     >>> wt.fit_back(points, spine, markers).case.invented.source
     'a scan of the back'

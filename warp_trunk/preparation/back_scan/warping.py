@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from warp_trunk.geometry.distance_field import nearest
-from warp_trunk.geometry.normals import vertex_areas, vertex_normals
 from warp_trunk.geometry.spline import fit_spline, spread_centres
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, vertex_areas, vertex_normals
 
 from ..scanning.fitting import places, solved, thin_plate
 from .scan import BackScan

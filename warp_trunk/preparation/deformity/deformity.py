@@ -172,15 +172,18 @@ def make_case(
     """
     check_straight(bones)
     straight = find_landmarks(bones).complete()
+    return imposed_case(
+        skin, bones, straight, curve, correction, name or f"{curve}, {100 * correction:g} % corrected"
+    )
+
+
+def imposed_case(
+    skin: Surface, bones: Mapping[str, Surface], straight: Landmarks, curve: Curve, correction: float, name: str
+) -> Case:
+    """`make_case` of straight anatomy whose landmarks are known."""
     after = correct(straight, curve, correction)
     deformed, moved, before = impose(skin, bones, straight, curve)
-    return Case(
-        name=name or f"{curve}, {100 * correction:g} % corrected",
-        skin=deformed,
-        bones=moved,
-        landmarks_before=before,
-        landmarks_after=after,
-    )
+    return Case(name=name, skin=deformed, bones=moved, landmarks_before=before, landmarks_after=after)
 
 
 def check_straight(bones: Mapping[str, Surface]) -> None:

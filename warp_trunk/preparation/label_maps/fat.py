@@ -9,8 +9,7 @@ import numpy as np
 from warp_trunk.case.layers import SKIN_THICKNESS
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import nearest
-from warp_trunk.geometry.normals import vertex_normals
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, vertex_normals
 
 from ..scanning.cutting import CutPlane
 from .mask import Mask

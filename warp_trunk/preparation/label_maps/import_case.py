@@ -28,10 +28,9 @@ from ..scanning.cutting import CutPlane
 from .cartilages import split_cartilages
 from .fat import fat_thickness, reached
 from .mask import Mask
-from .names import CARTILAGES, FAT, MUSCLE, SKIN
 from .segmentation_checks import doubts_of_bones, doubts_of_extents, doubts_of_image, wrong_way_round
 from .skin import body_skin, check_cuts
-from .sources import Source
+from .sources import CARTILAGES, FAT, MUSCLE, SKIN, Source
 from .surfaces import LEAST, BoneShape, bone_shape
 
 _AT_ARMS = ("humerus", "scapula")

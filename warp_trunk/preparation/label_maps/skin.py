@@ -14,8 +14,7 @@ from warp_trunk.case.landmarks import ASIS
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.geometry.distance_field import Grid, largest_piece, one_solid, zero_surface
-from warp_trunk.geometry.normals import vertex_normals
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, vertex_normals
 from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.io.image_files.image_reader import read_scan
 

@@ -8,8 +8,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import Grid, largest_piece, one_solid, zero_surface
-from warp_trunk.geometry.normals import area_vectors
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, area_vectors
 from warp_trunk.geometry.surface_checks import components, enclosed_volume
 
 from .mask import Mask, distance, factors_below, reduced

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.normals import area_vectors, unit
 from warp_trunk.geometry.section import arc_length, enclosed_area, points_along, section
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, area_vectors, unit
 
 
 class UnsureError(Exception):

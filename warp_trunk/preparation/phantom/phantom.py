@@ -8,7 +8,8 @@ from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
 
-from ..deformity import SpineCurve, correct, impose
+from ..deformity import SpineCurve
+from ..deformity.deformity import imposed_case
 from .bones import skeleton
 from .skin import trunk_skin
 
@@ -46,8 +47,5 @@ def phantom_case(curve: SpineCurve | None = None, correction: float = 0.7) -> Ca
         InputError: a fraction outside [0, 1], or a curve so strong that it would fold the trunk (see `impose`).
     """
     curve = curve or SpineCurve(cobb=55.0)
-    skin, bones, straight = straight_trunk()
-    after = correct(straight, curve, correction)
-    skin, bones, before = impose(skin, bones, straight, curve)
     name = f"synthetic trunk, {curve.kind} curve of {curve.cobb:g} degrees, {100 * correction:g} % corrected"
-    return Case(name=name, skin=skin, bones=bones, landmarks_before=before, landmarks_after=after)
+    return imposed_case(*straight_trunk(), curve, correction, name)

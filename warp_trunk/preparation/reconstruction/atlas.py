@@ -12,10 +12,9 @@ from warp_trunk.case.anatomy import PELVIS
 from warp_trunk.case.landmarks import Landmarks, bone_of
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
-from warp_trunk.geometry.normals import area_vectors, unit, vertex_normals
 from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.spline import fit_spline, spread_centres
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, area_vectors, unit, vertex_normals
 
 from .registration import check_near, check_size
 

@@ -11,8 +11,7 @@ from warp_trunk.errors import InputError, check_ranges
 from warp_trunk.geometry.coarsening import coarsen, without_slivers
 from warp_trunk.geometry.colours import coloured_from
 from warp_trunk.geometry.distance_field import Grid, one_solid, zero_surface
-from warp_trunk.geometry.normals import corner_areas, vertex_areas
-from warp_trunk.geometry.surface import Surface, directed_edges
+from warp_trunk.geometry.surface import Surface, corner_areas, directed_edges, vertex_areas
 from warp_trunk.geometry.surface_checks import boundary_edges, check_solid, linked_parts
 
 from .cutting import CutPlane, cut_flat, cut_within, goes_on_beyond

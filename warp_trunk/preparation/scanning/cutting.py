@@ -10,8 +10,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import coarsen
-from warp_trunk.geometry.normals import vertex_normals
-from warp_trunk.geometry.surface import Surface, compact, directed_edges
+from warp_trunk.geometry.surface import Surface, compact, directed_edges, vertex_normals
 from warp_trunk.geometry.surface_checks import (
     boundary_edges,
     components,

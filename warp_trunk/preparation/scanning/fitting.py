@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.geometry.distance_field import nearest
-from warp_trunk.geometry.normals import unit, vertex_areas, vertex_normals
-from warp_trunk.geometry.surface import Surface, directed_edges
+from warp_trunk.geometry.surface import Surface, directed_edges, unit, vertex_areas, vertex_normals
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array, sparray

@@ -14,9 +14,8 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import nearest
-from warp_trunk.geometry.normals import area_vectors, vertex_areas
 from warp_trunk.geometry.rigid import RigidMotion
-from warp_trunk.geometry.surface import Surface, check_surface
+from warp_trunk.geometry.surface import Surface, area_vectors, check_surface, vertex_areas
 from warp_trunk.geometry.surface_checks import boundary_edges, linked_parts, turning_fault
 
 _SMALLEST, _LARGEST = 150.0, 2500.0

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from warp_trunk.geometry.distance_field import Grid
-from warp_trunk.geometry.normals import area_vectors
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, area_vectors
 
 
 def sheet_samples(surface: Surface, spacing: float) -> tuple[np.ndarray, np.ndarray]:
