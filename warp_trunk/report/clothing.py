@@ -14,7 +14,7 @@ import numpy as np
 
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.section import sections, trunk_loop
-from warp_trunk.geometry.surface import Surface, area_vectors, unit
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures.spine import Spine, asis_axis, spine_of
 
 from .style import TrunkState, Worn
