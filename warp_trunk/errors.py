@@ -1,10 +1,8 @@
 """The one error for bad input: its text names the file or argument, the rule, the value found and the cure."""
 
 import difflib
-import math
 import re
 from collections.abc import Iterable
-from numbers import Real
 from pathlib import Path
 from types import UnionType
 
@@ -38,35 +36,11 @@ def as_path(given: object, name: str) -> Path:
     raise InputError(f"{name} must be a path, as text or pathlib.Path, not {type(given).__name__}; give one")
 
 
-def check_ranges(options: object, what: str, unit: str = "", **ranges: tuple[float, float]) -> None:
-    """Raise InputError for a number among the fields of some options that is not within its range, nor None.
-
-    `what` is the first word of the message, `unit` follows a blank, `ranges` are by the name of the field."""
-    for name, (least, most) in ranges.items():
-        value = getattr(options, name)
-        if value is None:
-            continue
-        known = isinstance(value, Real) and not math.isnan(value)
-        if not known or not least <= float(value) <= most:
-            cure = within(float(value), min(max(float(value), least), most)) if known else "; give one"
-            raise InputError(
-                f"{what}: '{name}' must be a number from {least:g} to {most:g}{unit}, not {value}{cure}"
-            )
-
-
 def within(value: float, bound: float) -> str:
     """The cure for a number beyond a bound, as the end of a sentence; a share may be meant in percent."""
     if bound == 1.0 and 1.0 < value <= 100.0:
         return f"; for {value:g} % write {value / 100.0:g}"
     return f"; the nearest is {bound:g}"
-
-
-def check_choices(options: object, what: str, **choices: Iterable[str]) -> None:
-    """Raise InputError for a word among the fields of some options that is none of its choices, nor None."""
-    for name, allowed in choices.items():
-        value = getattr(options, name)
-        if value is not None and value not in tuple(allowed):
-            raise InputError(f"{what}: '{name}' must be {' or '.join(allowed)}, not {value!r}")
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

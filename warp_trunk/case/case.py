@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, ClassVar, Literal, get_args
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from msgspec import Meta
@@ -25,8 +25,6 @@ from .rib_coupling import RibCoupling
 from .uncertainty import Invented, Uncertainty
 
 Posture = Literal["standing", "supine", "prone"]
-POSTURES: tuple[str, ...] = get_args(Posture)
-"""Postures during the scan."""
 Pose = Literal["surgery", "bending"]
 """The change of the trunk from before to after."""
 

@@ -8,12 +8,13 @@ import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from functools import cache
+from numbers import Real
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 import msgspec
 
-from warp_trunk.errors import InputError, check_choices, check_ranges, nearest, within
+from warp_trunk.errors import InputError, nearest, within
 
 from .file_access import read_text
 
@@ -72,25 +73,42 @@ def read_json(path: Path, kind: type[Record], expected: str, fault: str, cure: s
         raise InputError(f"{path}: {fault} ({error}); {cure}") from error
 
 
-@cache
 def bounds_of(kind: type) -> dict[str, tuple[float, float]]:
     """Least and most value of the fields of a dataclass that have them: `Annotated[float, Meta(ge=, le=)]`."""
-    return {
-        name: (meta.ge, meta.le)
-        for name, hint in get_type_hints(kind, include_extras=True).items()
-        for part in (hint, *get_args(hint))
-        for meta in getattr(part, "__metadata__", ())
-    }
+    return {name: (meta.ge, meta.le) for name, meta in _declared(kind)[0].items()}
 
 
 def check_fields(record: object, what: str) -> None:
-    """InputError, which begins with `what`, for a field of a dataclass out of its bounds or its choices.
+    """InputError, which begins with `what`, for a field of a dataclass out of its bounds or its words.
 
-    For records that are made in Python, too; those of a file are checked by `as_record` before.
+    None is allowed. For records that are made in Python or of options; those of a file are checked by `as_record`
+    before. The description of bounds is the unit.
     """
-    check_ranges(record, what, **bounds_of(type(record)))
-    hints = get_type_hints(type(record)).items()
-    check_choices(record, what, **{name: get_args(hint) for name, hint in hints if get_origin(hint) is Literal})
+    bounds, words = _declared(type(record))
+    for name, meta in bounds.items():
+        value, least, most = getattr(record, name), meta.ge, meta.le
+        known = isinstance(value, Real) and not math.isnan(value)
+        if value is not None and not (known and least <= float(value) <= most):
+            cure = within(float(value), min(max(float(value), least), most)) if known else "; give one"
+            rule = f"must be a number from {least:g} to {most:g} {meta.description or ''}".rstrip()
+            raise InputError(f"{what}: '{name}' {rule}, not {value}{cure}")
+    for name, allowed in words.items():
+        value = getattr(record, name)
+        if value is not None and value not in allowed:
+            raise InputError(f"{what}: '{name}' must be {' or '.join(allowed)}, not {value!r}; give one of them")
+
+
+@cache
+def _declared(kind: type) -> tuple[dict[str, msgspec.Meta], dict[str, tuple[str, ...]]]:
+    """The bounds and the words of the fields of a dataclass, by their types."""
+    bounds, words = {}, {}
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        for part in (hint, *get_args(hint)):
+            if get_origin(part) is Literal:
+                words[name] = get_args(part)
+            for meta in getattr(part, "__metadata__", ()):
+                bounds[name] = meta
+    return bounds, words
 
 
 def _check_keys(value: Any, kind: Any, where: Path | str, prefix: str) -> None:

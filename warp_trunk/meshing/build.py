@@ -7,14 +7,16 @@ import time
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+from msgspec import Meta
 
 from warp_trunk.engine.trunk_mesh import TrunkMesh, check_trunk
-from warp_trunk.errors import InputError, check_ranges, expect
+from warp_trunk.errors import InputError, expect
 from warp_trunk.geometry.surface import Surface, check_surface
 from warp_trunk.geometry.surface_checks import check_solid, crossings, enclosed_volume
+from warp_trunk.io.records import check_fields
 
 from .bone_surface import BoneSurface, bone_surface
 from .cache import cache_key, load_cached, store_cached
@@ -28,26 +30,24 @@ if TYPE_CHECKING:
 class MeshOptions:
     """How a trunk is meshed."""
 
-    tets: int = 225_000
+    tets: Annotated[int, Meta(ge=4, le=50_000_000)] = 225_000
     """Requested number of tetrahedra, met within 15 %."""
-    bone_margin: float = 2.0
+    bone_margin: Annotated[float, Meta(ge=0.0, le=100.0, description="mm")] = 2.0
     """Least distance of bones from the skin [mm]; bones that are nearer are cut back."""
-    bone_voxel: float = 4.0
+    bone_voxel: Annotated[float, Meta(ge=0.1, le=100.0, description="mm")] = 4.0
     """Grid spacing of the bone surface [mm]; a bone thinner than this may break into pieces."""
-    bone_edge_length: float = 0.0
+    bone_edge_length: Annotated[float, Meta(ge=0.0, le=1000.0, description="mm")] = 0.0
     """Edges of the bone surface shorter than this are collapsed [mm]; 0 chooses it from `tets`."""
-    bone_tolerance: float = 1.0
+    bone_tolerance: Annotated[float, Meta(ge=0.0, le=100.0, description="mm")] = 1.0
     """How far the collapse of edges may move the bone surface [mm]; the repair of flat tetrahedra may move it
     by half of that."""
-    radius_edge_ratio: float = 2.0
+    radius_edge_ratio: Annotated[float, Meta(ge=1.01, le=100.0)] = 2.0
     """Quality bound: circumradius by shortest edge of a tetrahedron, above 1; lower is better."""
     cache: bool = True
     """Keep the mesh on disk, and reuse it for the same surfaces and options."""
 
     def __post_init__(self) -> None:
-        check_ranges(self, "mesh", tets=(4, 50_000_000), radius_edge_ratio=(1.01, 100.0))
-        check_ranges(self, "mesh", " mm", bone_margin=(0.0, 100.0), bone_voxel=(0.1, 100.0))
-        check_ranges(self, "mesh", " mm", bone_edge_length=(0.0, 1000.0), bone_tolerance=(0.0, 100.0))
+        check_fields(self, "mesh")
 
 
 @dataclass(frozen=True)

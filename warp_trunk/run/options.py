@@ -6,12 +6,15 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, get_args, get_type_hints
+from typing import Annotated, Any, Literal
+
+from msgspec import Meta
 
 from warp_trunk.engine.energies.by_name import EnergyName, WeightsName
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.engine.tissue import EARTH_GRAVITY, ENERGY, SKIN_RIGIDITY
-from warp_trunk.errors import InputError, check_choices, check_ranges, nearest
+from warp_trunk.errors import InputError, nearest
+from warp_trunk.io.records import check_fields
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.meshing.layers import LayersFrom
 
@@ -46,7 +49,7 @@ class RunOptions:
     weights: WeightsName = "count"
     """Weight of an edge, face or tetrahedron in itmsm: count (each the same, the papers') or volume (the volume it
     represents, so that the stiffness does not depend on the size of tetrahedra)."""
-    skin_rigidity: float | None = None
+    skin_rigidity: Annotated[float, Meta(ge=0.0, le=MOST_RIGIDITY, description="N mm")] | None = None
     """Flexural rigidity of the skin [N mm], 0 is off; by default 0.4 (2 mm of 0.42 MPa)
     with --bones follow, and off with the spline (the papers)."""
     device: str = "auto"
@@ -55,9 +58,9 @@ class RunOptions:
     """Precision of the simulation."""
     threads: int = 0
     """CPU threads; 0 is one for each core."""
-    gravity: float = 0.0
+    gravity: Annotated[float, Meta(ge=0.0, le=MOST_GRAVITY, description="m/s^2, pulling down")] = 0.0
     """Gravity [m/s^2], pulling down; 0 is off."""
-    alpha: float | None = None
+    alpha: Annotated[float, Meta(ge=0.0, le=MOST_ALPHA)] | None = None
     """Gravity against stiffness in itmsm, 2 g M_0 H_0 / k_D (eq. 4.6 of the papers), in place of --gravity and
     --youngs-modulus; 0 is off."""
     rest: Literal["sag-free", "scan"] = "sag-free"
@@ -97,14 +100,7 @@ class RunOptions:
 
     def __post_init__(self) -> None:
         """Raises InputError for a gravity that no place has, or a skin that none has, before any work."""
-        hints = get_type_hints(type(self))
-        words = ("energy", "weights", "precision", "rest", "layers", "bones")
-        check_choices(self, "options", **{name: _words(hints[name]) for name in words})
-        if self.alpha is not None:
-            check_ranges(self, "options", "", alpha=(0.0, MOST_ALPHA))
-        if self.skin_rigidity is not None:
-            check_ranges(self, "options", " N mm", skin_rigidity=(0.0, MOST_RIGIDITY))
-        check_ranges(self, "options", " m/s^2, pulling down", gravity=(0.0, MOST_GRAVITY))
+        check_fields(self, "options")
 
     @property
     def acting_gravity(self) -> float:
@@ -124,12 +120,6 @@ class RunOptions:
         if self.energy is not None:
             return self.energy
         return ENERGY if self.bones == "follow" and self.weights == "count" else "itmsm"
-
-
-def _words(hint: Any) -> tuple[str, ...]:
-    """The words of a type that is a Literal, or one or None."""
-    parts = get_args(hint)
-    return tuple(part for part in parts if isinstance(part, str)) or _words(parts[0])
 
 
 def with_changes(options: RunOptions, changes: Mapping[str, Any]) -> RunOptions:

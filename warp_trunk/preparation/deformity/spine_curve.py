@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
+from msgspec import Meta
 
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.landmarks import read_landmarks
-from warp_trunk.errors import InputError, check_ranges
+from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.section import arc_length
+from warp_trunk.io.records import check_fields
 from warp_trunk.measures.cobb import sagittal_angle
 from warp_trunk.measures.spine import spine_of
 
@@ -64,35 +66,29 @@ class SpineCurve:
 
     kind: Kind = "thoracic"
     """Where the main curve is; end vertebrae T5 to T12, T10 to L4, or T5 to T11 with a lumbar curve to L4."""
-    cobb: float = 60.0
+    cobb: Annotated[float, Meta(ge=0.0, le=120.0, description="degrees")] = 60.0
     """Angle of the main curve in the coronal plane [deg], 0 to 120."""
-    apical_rotation: float | None = None
+    apical_rotation: Annotated[float, Meta(ge=0.0, le=60.0, description="degrees")] | None = None
     """Axial rotation of the apical vertebra, its body towards the convex side [deg], 0 to 60; when left out
     0.26 kyphosis + 0.34 Cobb - 5.4 (thoracic; Sullivan et al. 2017) or 0.32 of the Cobb angle (thoracolumbar)."""
     direction: Literal["right", "left"] = "right"
     """The patient's side to which the main curve is convex."""
-    kyphosis: float | None = None
+    kyphosis: Annotated[float, Meta(ge=-20.0, le=80.0, description="degrees")] | None = None
     """Kyphosis from T5 to T12 [deg], -20 to 80; that of the straight spine when left out."""
-    secondary_rotation: float | None = None
+    secondary_rotation: Annotated[float, Meta(ge=-30.0, le=60.0, description="degrees")] | None = None
     """Opposite rotation at the apex of the secondary curve [deg], -30 to 60; 0.25 of its Cobb angle when left
     out."""
-    upper_share: float | None = None
+    upper_share: Annotated[float, Meta(ge=0.0, le=1.0)] | None = None
     """Cobb angle of the curve above the main one over that of the main one, 0 to 1; that of the mean shape when
     left out."""
-    lower_share: float | None = None
+    lower_share: Annotated[float, Meta(ge=0.0, le=1.0)] | None = None
     """The same for the curve below it."""
-    t1_offset: float | None = None
+    t1_offset: Annotated[float, Meta(ge=-100.0, le=100.0, description="mm")] | None = None
     """How far T1 stands to the convex side of its place above L5 [mm], -100 to 100; where the tilts take it when
     left out."""
 
     def __post_init__(self) -> None:
-        for field, allowed in (("kind", tuple(CURVES)), ("direction", ("right", "left"))):
-            if (value := getattr(self, field)) not in allowed:
-                raise InputError(f"curve: '{field}' must be one of {', '.join(allowed)}, not {value!r}")
-        degrees = {"cobb": (0.0, 120.0), "apical_rotation": (0.0, 60.0), "kyphosis": (-20.0, 80.0)}
-        check_ranges(self, "curve", " degrees", **degrees, secondary_rotation=(-30.0, 60.0))
-        check_ranges(self, "curve", upper_share=(0.0, 1.0), lower_share=(0.0, 1.0))
-        check_ranges(self, "curve", " mm", t1_offset=(-100.0, 100.0))
+        check_fields(self, "curve")
 
     def __str__(self) -> str:
         return f"{self.kind} {self.cobb:g} degrees"

@@ -6,22 +6,24 @@ from collections.abc import Callable, Container, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Literal
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 
 from warp_trunk.case import Case
 from warp_trunk.case.anatomy import VERTEBRAE, of_trunk, rib_of
 from warp_trunk.case.axes import misplaced
-from warp_trunk.case.case import POSTURES
+from warp_trunk.case.case import Posture
 from warp_trunk.case.landmarks import ASIS, NO_LANDMARKS
 from warp_trunk.case.layers import Layers
 from warp_trunk.case.uncertainty import ON_BONES, Uncertainty
-from warp_trunk.errors import InputError, check_ranges
+from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import without_slivers
 from warp_trunk.geometry.cores import each_over_cores
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import slivers
+from warp_trunk.io.records import check_fields
 
 from ..landmark_finder import FoundLandmarks, find_landmarks
 from ..scanning.cutting import CutPlane
@@ -47,20 +49,18 @@ Stage = Callable[[str, str], AbstractContextManager[object]]
 class ImportOptions:
     """How a label map becomes a case."""
 
-    smoothing: float = 0.8
+    smoothing: Annotated[float, Meta(ge=0.0, le=5.0, description="mm")] = 0.8
     """How much the stairs of voxels on bones are smoothed: standard deviation of a Gaussian [mm]."""
-    edge_length: float = 7.0
+    edge_length: Annotated[float, Meta(ge=2.0, le=20.0, description="mm")] = 7.0
     """Length of the edges of the skin [mm]."""
     more_bones: bool = False
     """Take shoulder blades, collar bones and costal cartilages too; without them soft tissue fills their place."""
-    posture: Literal["supine", "prone", "standing"] = "supine"
+    posture: Posture = "supine"
     """How the patient was scanned: supine, prone or standing."""
 
     def __post_init__(self) -> None:
         """Raises InputError for a number out of range or a posture that is not known."""
-        check_ranges(self, "import", " mm", smoothing=(0.0, 5.0), edge_length=(2.0, 20.0))
-        if self.posture not in POSTURES:
-            raise InputError(f"import: 'posture' must be one of {', '.join(POSTURES)}, not '{self.posture}'")
+        check_fields(self, "import")
 
 
 @dataclass(frozen=True, eq=False)

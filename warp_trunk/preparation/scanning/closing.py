@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 
-from warp_trunk.errors import InputError, check_ranges
+from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import coarsen, without_slivers
 from warp_trunk.geometry.colours import coloured_from
 from warp_trunk.geometry.distance_field import Grid, one_solid, zero_surface
 from warp_trunk.geometry.surface import Surface, corner_areas, directed_edges, vertex_areas
 from warp_trunk.geometry.surface_checks import boundary_edges, check_solid, linked_parts
+from warp_trunk.io.records import check_fields
 
 from .cutting import CutPlane, cut_flat, cut_within, goes_on_beyond
 from .fitting import fit_to_points
@@ -35,13 +38,13 @@ _NOISE = 5.0
 class CloseOptions:
     """How scans become one closed skin."""
 
-    edge_length: float = 7.0
+    edge_length: Annotated[float, Meta(ge=1.0, le=50.0, description="mm")] = 7.0
     """Length of the edges of the result [mm]; 7 gives a trunk of about 30,000 triangles."""
-    smoothing: float = 6.0
+    smoothing: Annotated[float, Meta(ge=0.0, le=30.0, description="mm")] = 6.0
     """Details shorter than about six times this are taken for noise [mm]; 0 to 3 for a clean scan."""
 
     def __post_init__(self) -> None:
-        check_ranges(self, "close", edge_length=(1.0, 50.0), smoothing=(0.0, 30.0))
+        check_fields(self, "close")
 
 
 @dataclass(frozen=True)
