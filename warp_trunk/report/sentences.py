@@ -68,6 +68,12 @@ def pair(table: MeasureTable, key: str, level: str = "") -> Pair:
     return table.value(BEFORE, key, level), table.value(PREDICTED, key, level)
 
 
+def known(table: MeasureTable, key: str, level: str = "") -> tuple[float, float] | None:
+    """A number before surgery and predicted, where both are known."""
+    was, will = pair(table, key, level)
+    return None if was is None or will is None else (was, will)
+
+
 def joined(plan: Plan | None) -> str:
     """The fused vertebrae in a sentence."""
     if plan is None:
@@ -106,12 +112,10 @@ def glance(table: MeasureTable, curves: Sequence[CobbAngle]) -> list[Tile]:
     ]
     tiles = []
     for key, name, level in asked:
-        was, will = pair(table, key, level)
-        if was is not None and will is not None:
-            tiles.append(_tile(key, name, was, will, table.column(PREDICTED, key)[level]))
-    was, will = pair(table, "spine_height_mm")
-    if was is not None and will is not None:
-        tiles.append(Tile("height of the spine", _minus(f"{will - was:+z.0f} mm"), "", ""))
+        if both := known(table, key, level):
+            tiles.append(_tile(key, name, *both, table.column(PREDICTED, key)[level]))
+    if both := known(table, "spine_height_mm"):
+        tiles.append(Tile("height of the spine", _minus(f"{both[1] - both[0]:+z.0f} mm"), "", ""))
     return tiles
 
 
@@ -241,30 +245,28 @@ def _change(table: MeasureTable, several: bool) -> str:
             f"{most}: it is predicted to change from {abs(was):.0f} degrees with the {_side(was)} side further "
             f"back to {abs(will):.0f} degrees with the {_side(will)} side further back"
         )
-    lumbar, after = pair(table, "max_lumbar_bsr_deg")
-    if several and level.startswith("T") and lumbar is not None and after is not None:
-        text += f", and in the lower back {abs(after):.0f} instead of {abs(lumbar):.0f}"
+    if several and level.startswith("T") and (lumbar := known(table, "max_lumbar_bsr_deg")):
+        text += f", and in the lower back {abs(lumbar[1]):.0f} instead of {abs(lumbar[0]):.0f}"
     return f"{text}."
 
 
 def _bearing(table: MeasureTable) -> str:
     """Shoulders, waist, balance and height; empty where none is known."""
     parts = []
-    was, will = pair(table, "shoulder_difference_mm")
-    if was is not None and will is not None:
-        parts.append(f"the shoulders differ in height by {_higher(will)} instead of {_higher(was)}")
-    waists = [pair(table, key) for key in ("waist_depth_left_mm", "waist_depth_right_mm", "waist_height_mm")]
-    (left, left_will), (right, right_will), (height, height_will) = waists
-    if left is not None and right is not None and left_will is not None and right_will is not None:
+    if shoulders := known(table, "shoulder_difference_mm"):
+        was, will = map(_higher, shoulders)
+        parts.append(f"the shoulders differ in height by {will} instead of {was}")
+    left, right = known(table, "waist_depth_left_mm"), known(table, "waist_depth_right_mm")
+    if left and right:
+        was, will = map(_waist_height, pair(table, "waist_height_mm"))
         parts.append(
-            f"the waist is {left_will:.0f} mm deep on the left and {right_will:.0f} on the right instead of "
-            f"{left:.0f} and {right:.0f}, and {_waist_height(height_will)} instead of {_waist_height(height)}"
+            f"the waist is {left[1]:.0f} mm deep on the left and {right[1]:.0f} on the right instead of "
+            f"{left[0]:.0f} and {right[0]:.0f}, and {will} instead of {was}"
         )
-    was, will = pair(table, "trunk_shift_mm")
-    if was is not None and will is not None:
-        parts.append(f"the top of the spine stands {_beside(will)} instead of {_beside(was)}")
-    was, will = pair(table, "spine_height_mm")
-    if was is not None and will is not None and abs(gained := will - was) >= 0.5:
+    if shift := known(table, "trunk_shift_mm"):
+        was, will = map(_beside, shift)
+        parts.append(f"the top of the spine stands {will} instead of {was}")
+    if (height := known(table, "spine_height_mm")) and abs(gained := height[1] - height[0]) >= 0.5:
         parts.append(f"the spine is {abs(gained):.0f} mm {'taller' if gained > 0.0 else 'shorter'}")
     return " ".join(f"{part[:1].upper()}{part[1:]}." for part in parts)
 
@@ -295,15 +297,15 @@ def _rest(table: MeasureTable) -> str:
             f"The predicted rotation of the back is below {DETECTABLE:g} degrees at every vertebra, the smallest "
             "difference that such measurements can detect."
         )
-    hump, will = pair(table, "max_hump_mm")
+    hump = known(table, "max_hump_mm")
     verb = "still stands" if was is not None and abs(was) >= 0.5 and was * angle > 0.0 else "then stands"
     text = (
         f"The {_side(angle)} side of the back {verb} further back, by {abs(angle):.0f} degrees at vertebra {level}"
     )
-    if hump is None or will is None:
+    if hump is None:
         return f"{text}."
-    after, before_it = f"{abs(will):.0f} mm ({_side(will)})", f"{abs(hump):.0f} ({_side(hump)})"
-    return f"{text}; the largest hump is {after} instead of {before_it}."
+    sizes, sides = [f"{abs(size):.0f}" for size in hump], [_side(size) for size in hump]
+    return f"{text}; the largest hump is {sizes[1]} mm ({sides[1]}) instead of {sizes[0]} ({sides[0]})."
 
 
 def _trust(comparison: SkinComparison | None) -> str:

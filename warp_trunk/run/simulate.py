@@ -7,6 +7,7 @@ import time
 import weakref
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -96,41 +97,37 @@ def simulate(
             a stage refuses. Everything that can be refused before the first simulation is refused before it.
     """
     expect(case, Case, "simulate: 'case'", "read it with read_case")
-    if plan is not None and not isinstance(plan, Plan):
-        several = isinstance(plan, Mapping | Sequence) and not isinstance(plan, str)
-        for one in (plan.values() if isinstance(plan, Mapping) else plan) if several else [plan]:
-            expect(
-                one, Plan, "simulate: a plan", 'give wt.Plan(uiv="T4", liv="L1", ...), or read it with read_plan'
-            )
+    listed = plan if isinstance(plan, Sequence) and not isinstance(plan, str) else [] if plan is None else [plan]
+    plans = plan if isinstance(plan, Mapping) else {str(n): one for n, one in enumerate(listed, start=1)}
+    for one in plans.values():
+        expect(one, Plan, "simulate: a plan", 'give wt.Plan(uiv="T4", liv="L1", ...), or read it with read_plan')
     progress, folder = progress or Progress(), None if folder is None else Path(folder).absolute()
     options = with_changes(options or (RunOptions() if patient is None else patient.options), changes)
     layered = layers_from(case, options) != "none"
     refuse_unread(given_in(case, options), options, layered=layered)
+    simulator = _Simulator(options, progress, patient)
     if plan is None:
-        return _simulated(case, options, progress, patient, folder, warnings)
+        return simulator.result(case, folder, warnings)
     if isinstance(plan, Plan):
         name = f"{plan.uiv}-{plan.liv}" if folder is None else folder.resolve().name
-        planned = _planned(case, _surgery(Planner(case), "", plan), name, progress)
-        return _simulated(planned, options, progress, patient, folder, _found_in(planned, warnings))
-    plans = plan if isinstance(plan, Mapping) else {str(n): one for n, one in enumerate(plan, start=1)}
-    results = _several(case, plans, folder, options, progress, patient, warnings, on_result)
+        planned = simulator.planned(case, _surgery(Planner(case), "", plan), name)
+        return simulator.result(planned, folder, _found_in(planned, warnings))
+    results = _several(simulator, case, plans, folder, warnings or (), on_result)
     return results if isinstance(plan, Mapping) else list(results.values())
 
 
 def _several(
+    simulator: _Simulator,
     case: Case,
     plans: Mapping[str, Plan],
     folder: Path | None,
-    options: RunOptions,
-    progress: Progress,
-    patient: PreparedPatient | None,
-    warnings: Sequence[str] | None,
+    warnings: Sequence[str],
     on_result: Callable[[str, Result], None] | None,
 ) -> dict[str, Result]:
     """The result of each plan for one patient, by its name."""
     if not plans:
         raise InputError("simulate: there is no plan; give at least one")
-    if options.live and len(plans) > 1:
+    if simulator.options.live and len(plans) > 1:
         raise InputError("--live: shows one simulation as it grows; give a single --plan, or leave it out")
     planner = Planner(case)
     surgeries = {name: _surgery(planner, f"plan {name}: ", plan) for name, plan in plans.items()}
@@ -139,15 +136,15 @@ def _several(
     for place in filter(None, places.values()):
         with removed_if_empty(place):
             prepare_folder(place)
-    if patient is None:
-        patient = patient_of(case, options, progress=progress)
+    if (patient := simulator.patient) is None:
+        patient = patient_of(case, simulator.options, progress=simulator.progress)
     else:
         patient.check(case)
-    results: dict[str, Result] = {}
+    simulator, results = replace(simulator, patient=patient), dict[str, Result]()
     for name, surgery in surgeries.items():
-        with progress.of(f"plan {name}"):
-            planned = _planned(patient.case, surgery, name, progress)
-            results[name] = _simulated(planned, options, progress, patient, places[name], checked[name])
+        with simulator.progress.of(f"plan {name}"):
+            planned = simulator.planned(patient.case, surgery, name)
+            results[name] = simulator.result(planned, places[name], checked[name])
         if on_result is not None:
             on_result(name, results[name])
     return results
@@ -165,142 +162,131 @@ def _surgery(planner: Planner, where: str, plan: Plan) -> PlannedSurgery:
         raise InputError(f"{where}{str(error).removeprefix('plan: ')}" if where else str(error)) from None
 
 
-def _planned(case: Case, surgery: PlannedSurgery, name: str, progress: Progress) -> Case:
-    """The case with a surgery, whose warnings are shown."""
-    for warning in surgery.warnings:
-        progress.message(f"warning: {warning}")
-    return planned_case(case, surgery, name)
+@dataclass(frozen=True)
+class _Simulator:
+    """Simulates cases in one way."""
 
+    options: RunOptions
+    progress: Progress
+    patient: PreparedPatient | None
+    """The patient whom the cases share; made for each case when None."""
 
-def _simulated(
-    case: Case,
-    options: RunOptions,
-    progress: Progress,
-    patient: PreparedPatient | None,
-    folder: Path | None,
-    checked: Sequence[str] | None = None,
-) -> Result:
-    """The result of one case, in its folder or without one; `checked` is what the check of the case found."""
-    if folder is not None:
-        with removed_if_empty(folder):
-            prepare_folder(folder)
-            warnings = _check(case, options, progress, patient, checked)
-            with locked(folder):
-                result = _run(case, options, progress, patient, folder, warnings)
-                write_result(folder, result)
+    def planned(self, case: Case, surgery: PlannedSurgery, name: str) -> Case:
+        """The case with a surgery, whose warnings are shown."""
+        for warning in surgery.warnings:
+            self.progress.message(f"warning: {warning}")
+        return planned_case(case, surgery, name)
+
+    def result(self, case: Case, folder: Path | None, checked: Sequence[str] | None) -> Result:
+        """The result of one case, in its folder or without one; `checked` is what the check of the case found."""
+        if folder is not None:
+            with removed_if_empty(folder):
+                prepare_folder(folder)
+                warnings = self._warnings(case, checked)
+                with locked(folder):
+                    result = self._run(case, folder, warnings)
+                    write_result(folder, result)
+            return result
+        warnings = self._warnings(case, checked)
+        place = tempfile.TemporaryDirectory(prefix="warp_trunk_", ignore_cleanup_errors=True)  # for the recording
+        with ExitStack() as failed:
+            failed.callback(place.cleanup)
+            result = self._run(case, Path(place.name), warnings)
+            weakref.finalize(result, failed.pop_all().close)
         return result
-    warnings = _check(case, options, progress, patient, checked)
-    place = tempfile.TemporaryDirectory(prefix="warp_trunk_", ignore_cleanup_errors=True)  # for the recording
-    try:
-        result = _run(case, options, progress, patient, Path(place.name), warnings)
-    except BaseException:
-        place.cleanup()
-        raise
-    weakref.finalize(result, place.cleanup)
-    return result
 
-
-def _check(
-    case: Case,
-    options: RunOptions,
-    progress: Progress,
-    patient: PreparedPatient | None,
-    checked: Sequence[str] | None,
-) -> list[str]:
-    """Find and show the warnings; InputError for what no later stage should have to refuse."""
-    before, after = case.landmarks_before, case.planned_landmarks  # refused here where nothing is planned
-    if case.landmarks_after is None:
-        for name, asked in (("--bones spline", options.bones == "spline"), ("--bands", options.bands)):
-            if asked:
-                raise InputError(f"{name}: needs landmarks_after.csv, not motions alone; leave it out")
-    if patient is not None and patient.options != options:
-        raise InputError("simulate: 'patient' was prepared with other options; give the same, or leave it out")
-    choose_device(options.device)
-    choose_threads(options.threads)
-    if patient is None and options.from_mesh is None:
-        cost = check_size(options.mesh.tets, go_on=options.yes)
-        if cost is not None:
-            progress.message(cost)
-    if options.live and not options.record:
-        raise InputError("--live: shows what is recorded; leave --no-record out")
-    found = [*(check_case(case) if checked is None else checked), *curve_warnings(before, after, case.study.pose)]
-    if options.bones == "follow" and case.landmarks_after is not None:
-        found += [*unknown_bones(case.bones), *smoothing_warnings(before, after)]
-    layers = () if case.layers is None else case.layers.tissues(case.tissue)
-    found += option_warnings((case.tissue, *layers), options.gravity)
-    if case.motions:
-        check_passing(case, motions_of(case), "motions")
-    for warning in found:
-        progress.message(f"warning: {warning}")
-    return found
-
-
-def _run(
-    case: Case,
-    options: RunOptions,
-    progress: Progress,
-    patient: PreparedPatient | None,
-    folder: Path,
-    warnings: list[str],
-) -> Result:
-    """Mesh, simulate and measure, with a recording in the folder that grows by each increment."""
-    start, path = time.perf_counter(), partial(folder / RECORDING)
-    clock = progress.clock if patient is None else progress.start_clock()  # without a shared patient's stages
-    if patient is not None:
-        patient.check(case)
-    live = start_viewer() if options.live else None
-    if options.record:
-        load_rerun()
-    else:
-        path.unlink(missing_ok=True)  # of a run that was interrupted
-    if patient is None:
-        patient = patient_of(case, options, progress=progress)
-        case = patient.case
-        with progress.stage("compile", "preparing the relaxation"):
-            _ = patient.relaxer  # made while Rerun is being imported
-    prediction = prepare_plan(patient, case, progress)
-    trunk, recording = prediction.trunk, None
-    held = colliding_bones(trunk, prediction.path)
-    if held:
-        progress.message(f"warning: {held[0]}; tissue cannot follow there")
-    before = measure(case.skin, case.landmarks_before)
-    with ExitStack() as recordings:
-        observers: list[Observer] = [
-            _timed(clock),
-            lambda one: progress.increment(one, options.simulation.increments),
+    def _warnings(self, case: Case, checked: Sequence[str] | None) -> list[str]:
+        """Find and show the warnings; InputError for what no later stage should have to refuse."""
+        before, after = case.landmarks_before, case.planned_landmarks  # refused here where nothing is planned
+        options, patient = self.options, self.patient
+        if case.landmarks_after is None:
+            for name, asked in (("--bones spline", options.bones == "spline"), ("--bands", options.bands)):
+                if asked:
+                    raise InputError(f"{name}: needs landmarks_after.csv, not motions alone; leave it out")
+        if patient is not None and patient.options != options:
+            raise InputError("simulate: 'patient' was prepared with other options; give the same, or leave it out")
+        choose_device(options.device)
+        choose_threads(options.threads)
+        if patient is None and options.from_mesh is None:
+            cost = check_size(options.mesh.tets, go_on=options.yes)
+            if cost is not None:
+                self.progress.message(cost)
+        if options.live and not options.record:
+            raise InputError("--live: shows what is recorded; leave --no-record out")
+        found = [
+            *(check_case(case) if checked is None else checked),
+            *curve_warnings(before, after, case.study.pose),
         ]
+        if options.bones == "follow" and case.landmarks_after is not None:
+            found += [*unknown_bones(case.bones), *smoothing_warnings(before, after)]
+        layers = () if case.layers is None else case.layers.tissues(case.tissue)
+        found += option_warnings((case.tissue, *layers), options.gravity)
+        if case.motions:
+            check_passing(case, motions_of(case), "motions")
+        for warning in found:
+            self.progress.message(f"warning: {warning}")
+        return found
+
+    def _run(self, case: Case, folder: Path, warnings: list[str]) -> Result:
+        """Mesh, simulate and measure, with a recording in the folder that grows by each increment."""
+        options, progress, patient = self.options, self.progress, self.patient
+        start, path = time.perf_counter(), partial(folder / RECORDING)
+        clock = progress.clock if patient is None else progress.start_clock()  # without a shared patient's stages
+        if patient is not None:
+            patient.check(case)
+        live = start_viewer() if options.live else None
         if options.record:
-            unit = prediction.model.elements.unit
-            with progress.stage("record", "opening the recording"):
-                recording = Recording(path, case, trunk, before, prediction.path, unit=unit, live=live)
-            recordings.enter_context(recording)
-            observers.append(_recorded(recording, prediction, clock))
-        prediction.relax(*observers, message=progress.message)
-        trunk = prediction.trunk  # some nodes may have come off the bones
-        after = prediction.measures_at(prediction.last)
-        quality = skin_quality(case.skin, prediction.skin, case.landmarks_before, case.bones)
-        warnings += ending_warnings(prediction.last.relaxation, held, folded_tissue(trunk, prediction.path))
-        found = _bands(prediction, progress)
-        if recording is not None:
-            if found is not None:
-                recording.bands(found.rows)
-            recording.finish(markdown(case, prediction.last, before, after, [*warnings, *quality.faults]))
-    progress.start_clock()
-    seconds = clock.seconds | {"total": clock.seconds.get("load", 0.0) + time.perf_counter() - start}
-    return result_of(
-        case,
-        trunk,
-        prediction.model,
-        prediction.increments,
-        measures=(before, after),
-        quality=quality,
-        parameters=parameters(options),
-        seconds=seconds,
-        warnings=warnings,
-        found=found,
-        released=prediction.released,
-        recording=None if recording is None or recording.failed else recording.path,
-    )
+            load_rerun()
+        else:
+            path.unlink(missing_ok=True)  # of a run that was interrupted
+        if patient is None:
+            patient = patient_of(case, options, progress=progress)
+            case = patient.case
+            with progress.stage("compile", "preparing the relaxation"):
+                _ = patient.relaxer  # made while Rerun is being imported
+        prediction = prepare_plan(patient, case, progress)
+        trunk, recording = prediction.trunk, None
+        held = colliding_bones(trunk, prediction.path)
+        if held:
+            progress.message(f"warning: {held[0]}; tissue cannot follow there")
+        before = measure(case.skin, case.landmarks_before)
+        with ExitStack() as recordings:
+            observers: list[Observer] = [
+                _timed(clock),
+                lambda one: progress.increment(one, options.simulation.increments),
+            ]
+            if options.record:
+                unit = prediction.model.elements.unit
+                with progress.stage("record", "opening the recording"):
+                    recording = Recording(path, case, trunk, before, prediction.path, unit=unit, live=live)
+                recordings.enter_context(recording)
+                observers.append(_recorded(recording, prediction, clock))
+            prediction.relax(*observers, message=progress.message)
+            trunk = prediction.trunk  # some nodes may have come off the bones
+            after = prediction.measures_at(prediction.last)
+            quality = skin_quality(case.skin, prediction.skin, case.landmarks_before, case.bones)
+            warnings += ending_warnings(prediction.last.relaxation, held, folded_tissue(trunk, prediction.path))
+            found = _bands(prediction, progress)
+            if recording is not None:
+                if found is not None:
+                    recording.bands(found.rows)
+                recording.finish(markdown(case, prediction.last, before, after, [*warnings, *quality.faults]))
+        progress.start_clock()
+        seconds = clock.seconds | {"total": clock.seconds.get("load", 0.0) + time.perf_counter() - start}
+        return result_of(
+            case,
+            trunk,
+            prediction.model,
+            prediction.increments,
+            measures=(before, after),
+            quality=quality,
+            parameters=parameters(options),
+            seconds=seconds,
+            warnings=warnings,
+            found=found,
+            released=prediction.released,
+            recording=None if recording is None or recording.failed else recording.path,
+        )
 
 
 def _timed(clock: Clock) -> Observer:
