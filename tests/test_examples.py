@@ -25,8 +25,8 @@ def result() -> wt.Result:
     )
 
 
-LONG = {"best_plan", "fit_back", "make_case"}
-"""Examples of whole searches, which run with the slow tests."""
+LONG = {"best_plan", "close_skin", "find_landmarks", "fit_back", "make_case"}
+"""Examples that take long, which run with the slow tests."""
 
 
 @pytest.mark.parametrize(

@@ -143,8 +143,9 @@ def test_front_is_bare_only_where_that_is_asked_for(plain, tmp_path):
     assert "Without clothes" not in Elements(plain[1]).words
 
 
-def test_fused_vertebrae_and_the_fingerprint_of_the_plan_are_on_the_page(tmp_path):
-    folder = write_small_result(tmp_path)
+def test_a_plan_and_bands_are_on_the_page(plain, tmp_path):
+    """Fused vertebrae, the fingerprint of the plan, intervals, and a better and a worse back."""
+    folder = write_small_result(tmp_path, found=small_bands(len(small_case()[0].skin.vertices)))
     (folder / "plan.toml").write_text('uiv = "T4"\nliv = "L1"\n[[curve]]\napex = "T8"\ncorrection = 0.65\n')
     words = " ".join(Elements(write_report(read_result(folder)).read_text()).words.split())
     assert words.count("The 10 vertebrae from T4 to L1 are joined") == 2  # for the patient, and to sign
@@ -155,11 +156,11 @@ def test_fused_vertebrae_and_the_fingerprint_of_the_plan_are_on_the_page(tmp_pat
     assert re.fullmatch(r"[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}", first)
     (folder / "plan.toml").write_text('uiv = "T4"\nliv = "L2"\n')
     assert read_result(folder).fingerprint != first
-    (folder / "plan.toml").unlink()
-    assert (
-        "does not state which vertebrae are joined"
-        in Elements(write_report(read_result(folder)).read_text()).words
-    )
+    assert "It can turn out better or worse" in words
+    assert "19 of 20: " in words
+    assert (folder / "report" / "likely.png").exists()
+    for said in ("does not state which vertebrae are joined", "No interval was computed for these numbers"):
+        assert said in Elements(plain[1]).words
 
 
 @pytest.mark.parametrize(
@@ -186,16 +187,6 @@ def test_intervals_name_both_sides_where_they_hold_both():
     assert interval_text(Measured("predicted", "", "a", -8.0, -14.0, -3.0), sided=True) == "3 to 14"
     assert interval_text(Measured("predicted", "", "a", 19.0, -1.9, 40.0), sided=False) == "−2 to 40"
     assert interval_text(Measured("predicted", "", "a", 19.0), sided=False) == ""
-
-
-def test_bands_bring_intervals_and_a_better_and_a_worse_back(tmp_path, plain):
-    found = small_bands(len(small_case()[0].skin.vertices))
-    page = write_report(read_result(write_small_result(tmp_path, found=found)))
-    words = Elements(page.read_text()).words
-    assert "It can turn out better or worse" in words
-    assert "19 of 20: " in words
-    assert (tmp_path / "report" / "likely.png").exists()
-    assert "No interval was computed for these numbers" in Elements(plain[1]).words
 
 
 def test_units_are_those_of_the_documentation() -> None:

@@ -3,7 +3,10 @@
 import webbrowser
 from pathlib import Path
 
+import pytest
+
 from warp_trunk.cli import main
+from warp_trunk.run import doctor
 from warp_trunk.run.doctor import Finding, examine
 
 
@@ -11,6 +14,14 @@ def findings(results: Path) -> dict[str, Finding]:
     return {finding.name: finding for finding in examine(results)}
 
 
+@pytest.fixture
+def no_processes(monkeypatch) -> None:
+    """TetGen and the viewer are there; they are not started again in every test."""
+    for probe in ("_tetgen", "_viewer"):
+        monkeypatch.setattr(doctor, probe, lambda: "works")
+
+
+@pytest.mark.usefixtures("no_processes")
 def test_folders_that_cannot_be_written_are_cured_and_results_are_needed(monkeypatch, tmp_path) -> None:
     (tmp_path / "file").write_text("no folder")
     monkeypatch.setenv("WARP_TRUNK_CACHE", str(tmp_path / "file" / "cache"))
@@ -23,6 +34,7 @@ def test_folders_that_cannot_be_written_are_cured_and_results_are_needed(monkeyp
     assert [path.name for path in tmp_path.iterdir()] == ["file"]  # probes leave nothing behind
 
 
+@pytest.mark.usefixtures("no_processes")
 def test_a_machine_without_display_and_browser_is_told_what_to_do(monkeypatch, tmp_path) -> None:
     def nothing(*_):
         raise webbrowser.Error("could not locate runnable browser")
@@ -37,12 +49,13 @@ def test_a_machine_without_display_and_browser_is_told_what_to_do(monkeypatch, t
     assert not found["browser"].needed
 
 
-def test_command_ends_with_status_1_only_where_something_needed_is_missing(tmp_path, capsys) -> None:
+def test_command_ends_with_status_1_only_where_something_needed_is_missing(tmp_path, capsys, request) -> None:
     assert main(["doctor", "--results", str(tmp_path)]) == 0
     said = capsys.readouterr().out
     assert said.rstrip().endswith("Ready.")
     assert "MISSING" not in said
     (tmp_path / "file").write_text("no folder")
+    request.getfixturevalue("no_processes")
     assert main(["doctor", "--results", str(tmp_path / "file" / "results")]) == 1
     lines = capsys.readouterr().out.splitlines()
     wrong = next(i for i, line in enumerate(lines) if line.startswith("MISSING"))

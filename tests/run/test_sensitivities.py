@@ -195,7 +195,7 @@ def test_thickness_of_layers(energy: EnergyName) -> None:
         agree([one.quantity for one in layered.found], predicted, (ends[0] - ends[1]) / 0.02)
 
 
-@pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
+@pytest.mark.parametrize("energy", [pytest.param("itmsm", marks=pytest.mark.slow), "neo-hookean"])
 def test_real_anatomy(energy: EnergyName) -> None:
     skin, bones = anatomy()
     case = make_case(coarsen(skin, 16.0, 2.0), bones, SpineCurve(cobb=60.0), 0.7)
