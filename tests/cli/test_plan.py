@@ -73,6 +73,10 @@ def test_option_takes_the_place_of_what_the_file_says(folder: Path) -> None:
     [
         (("--uiv", "T4"), "the curves are 24 degrees T1 to T5 with apex T3, 55 degrees T5 to T12"),
         (("--uiv", "T4", "--liv", "L1", "--curve", "T8,correctoin=0.5"), "did you mean 'correction'?"),
+        (
+            ("--uiv", "T4", "--liv", "L1", "--curve", "T8,correction=0.5,correction=0.6"),
+            "is given twice; give it once",
+        ),
         (("--plan", "PLAN", "--aim", "hump"), "--aim and --within belong together"),
         (
             ("--plan", "PLAN", "--aim", "bsr", "--within", "T8,correction=0.5"),

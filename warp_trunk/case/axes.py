@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
@@ -140,6 +141,12 @@ def fitting(code: str, wrong: Iterable[int]) -> str:
     return f': write axes = "{fits}"{" if the files are written so" if len(wrong) % 2 else ""}{names}'
 
 
+def unit_of(length: float, usual: float, allowed: tuple[float, float]) -> str | None:
+    """The unit in which a length is nearest to a usual one, of those in which it is allowed [mm]; None without."""
+    fits = [unit for unit, size in MILLIMETRES.items() if allowed[0] <= length * size <= allowed[1]]
+    return min(fits, key=lambda unit: abs(math.log(length * MILLIMETRES[unit] / usual)), default=None)
+
+
 def check_axes(bones: Mapping[str, Surface], where: str, code: str = "LPS") -> None:
     """InputError where bones lie the wrong way round, with the axes of case.toml in which they would not."""
     if wrong := misplaced(bones):
@@ -159,8 +166,7 @@ def check_bones(bones: Mapping[str, Surface], where: str, code: str = "LPS") -> 
     sizes = [np.ptp(bones[name].vertices, axis=0).max() for name in VERTEBRAE if name in bones]
     size = float(np.median(sizes)) if sizes else low
     if not low <= size <= high:
-        fits = min(MILLIMETRES, key=lambda unit: abs(np.log(size * MILLIMETRES[unit] / _USUAL_VERTEBRA)))
-        fits = fits if low <= size * MILLIMETRES[fits] <= high else None
+        fits = unit_of(size, _USUAL_VERTEBRA, (low, high))
         cure = f'write units = "{fits}" in case.toml' if fits else "write units in case.toml, or give them in mm"
         raise InputError(
             f"{where}: vertebrae are {size:.3g} mm wide (median), {low:g} to {high:g} mm is "

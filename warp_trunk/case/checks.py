@@ -18,7 +18,7 @@ from warp_trunk.geometry.surface import Surface, check_surface
 from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume
 
 from .anatomy import region
-from .axes import MILLIMETRES, check_axes, exchanged_pairs, fitting, misplaced
+from .axes import MILLIMETRES, check_axes, exchanged_pairs, fitting, misplaced, unit_of
 from .landmark_checks import check_frame, check_motion, check_on_bones, check_order, check_shapes
 from .landmarks import ASIS, VERTEBRA_POINTS, Landmarks, bone_of
 from .motions import check_motions
@@ -182,19 +182,13 @@ def _check_height(case: Case, skin: Surface, key: str, source: CaseSource) -> No
     low, high = allowed = TRUNK_HEIGHT if case.landmarks_before.names else PART_HEIGHT
     if low <= height <= high:
         return
-    in_file = height / MILLIMETRES[source.units]
-    fits = sorted(
-        MILLIMETRES, key=lambda unit: abs(math.log(max(in_file, 1e-9) * MILLIMETRES[unit] / _USUAL_HEIGHT))
-    )
-    fits = [unit for unit in fits if low <= in_file * MILLIMETRES[unit] <= high]
+    fits = unit_of(height / MILLIMETRES[source.units], _USUAL_HEIGHT, allowed)
     what = "trunk" if allowed is TRUNK_HEIGHT else "skin"
-    unit = f'units = "{fits[0]}"' if fits else "units"
+    unit = f'units = "{fits}"' if fits else "units"
     cure = f"set {unit} or axes in {source.name('case')}"
     ends = [end for bone in case.bones.values() for end in (bone.vertices[:, 2].min(), bone.vertices[:, 2].max())]
     if fits and ends and low <= max(ends) - min(ends) <= high:
-        cure = (
-            f"the bones are in {source.units}, and this file seems to be in {fits[0]}: write it in {source.units}"
-        )
+        cure = f"the bones are in {source.units}, and this file seems to be in {fits}: write it in {source.units}"
     if allowed is TRUNK_HEIGHT and high < height <= PART_HEIGHT[1]:  # a person with head or legs
         cure = "cut off head, arms and legs: warp-trunk close SKIN --cut-above Z --cut-below Z; or " + cure
     raise InputError(

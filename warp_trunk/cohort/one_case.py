@@ -101,7 +101,7 @@ def _do_case(folder: Path, out: Path, options: CohortOptions) -> CaseOutcome:
         result = simulate(case, folder=out, options=options.run, progress=progress, warnings=warnings)
         with progress.stage("judge", "judging by the actual skin"):
             row = _row(case, folder, result)
-        write_judged(out, Judged(made_from=made_from, row=row))
+        write_whole(out / JUDGED, json_text(Judged(made_from=made_from, row=row)))
     return CaseOutcome(row=row, notice=notice)
 
 
@@ -223,11 +223,6 @@ class Judged:
     """Case, options and programs."""
     row: CaseRow
     """The row."""
-
-
-def write_judged(folder: Path, judged: Judged) -> None:
-    """Writes the record into a result folder, complete or not at all."""
-    write_whole(folder / JUDGED, json_text(judged))
 
 
 def read_judged(folder: Path) -> Judged | None:

@@ -84,7 +84,7 @@ def test_shares_of_a_plan_are_taken_and_put_back() -> None:
             "which is the reference of the search; give it there, as --curve L2,",
         ),
         ("T9,correction=0.5..0.8", "is not in the plan"),
-        ("T8,correction=0.5..0.8,correction=0.1..0.2", "is bounded twice"),
+        ("T8,correction=0.5..0.8,correction=0.1..0.2", "is given twice"),
     ],
 )
 def test_bad_bounds(text: str, rule: str) -> None:

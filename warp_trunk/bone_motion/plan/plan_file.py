@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from warp_trunk.case import write_case
 from warp_trunk.case.case_writer import begin_case
@@ -18,7 +18,7 @@ from warp_trunk.io.file_access import number, read_text
 from warp_trunk.io.records import as_record, toml_table, toml_text
 from warp_trunk.io.result_files import MOST_PLAN, PLAN
 
-from .record import CurvePlan, Plan
+from .record import CurvePlan, Plan, targets_of_text
 from .surgery import surgery_record
 
 if TYPE_CHECKING:
@@ -53,17 +53,8 @@ def curve_of_text(text: str) -> CurvePlan:
     Raises:
         InputError: a key that is not known, or a value that is no number or is not allowed.
     """
-    apex, *parts = (part.strip() for part in text.split(","))
-    table: dict[str, Any] = {"apex": apex}
-    for part in parts:
-        key, _, value = part.partition("=")
-        try:
-            table[key.strip()] = number(value)
-        except ValueError:
-            raise InputError(
-                f"--curve {text}: '{part}' must be a name, = and a number, as correction=0.65"
-            ) from None
-    return as_record(table, CurvePlan, f"--curve {text}")
+    apex, given = targets_of_text("--curve", text, number, "a number, as correction=0.65")
+    return as_record({"apex": apex, **given}, CurvePlan, f"--curve {text}")
 
 
 def plan_text(plan: Plan) -> str:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, TypeVar
 
 from msgspec import Meta
 
@@ -14,6 +14,7 @@ from warp_trunk.errors import InputError, expect
 from warp_trunk.io.file_access import number
 from warp_trunk.io.records import check_fields
 
+Value = TypeVar("Value")
 _CURVES = 'give a list such as [wt.CurvePlan("T8", correction=0.65)]'
 
 
@@ -181,20 +182,42 @@ def bounds_of_text(text: str) -> tuple[Bound, ...]:
     Raises:
         InputError: a range that is none, or a bound that is not allowed.
     """
-    apex, *parts = (part.strip() for part in text.split(","))
-    found = []
-    for part in parts:
-        target, _, ends = part.partition("=")
-        try:
-            low, high = map(number, ends.split(".."))
-        except ValueError:
-            raise InputError(
-                f"--within {text}: '{part}' must be a name, = and two numbers, as correction=0.5..0.8"
-            ) from None
-        found.append(Bound(apex=apex, target=target.strip(), low=low, high=high))
-    if not found:
+    apex, given = targets_of_text("--within", text, _range, "two numbers, as correction=0.5..0.8")
+    if not given:
         raise InputError(f"--within {text}: bounds nothing; write what may change, as {apex},correction=0.5..0.8")
-    return tuple(found)
+    return tuple(Bound(apex=apex, target=target, low=low, high=high) for target, (low, high) in given.items())
+
+
+def _range(text: str) -> tuple[float, float]:
+    low, high = map(number, text.split(".."))
+    return low, high
+
+
+def targets_of_text(
+    option: str, text: str, value: Callable[[str], Value], cure: str
+) -> tuple[str, dict[str, Value]]:
+    """The apex of a curve and the values of its targets, as the command line has them: T8,correction=0.65.
+
+    Args:
+        option: whose text it is.
+        text: the text.
+        value: reads what stands behind a =; ValueError where it cannot.
+        cure: what must stand there.
+
+    Raises:
+        InputError: a part that is no name and value, or a name that is given twice.
+    """
+    apex, *parts = (part.strip() for part in text.split(","))
+    given: dict[str, Value] = {}
+    for part in parts:
+        name, _, said = (word.strip() for word in part.partition("="))
+        if name in given:
+            raise InputError(f"{option} {text}: '{name}' is given twice; give it once")
+        try:
+            given[name] = value(said)
+        except ValueError:
+            raise InputError(f"{option} {text}: '{part}' must be a name, = and {cure}") from None
+    return apex, given
 
 
 def check_bounds(plan: Plan, bounds: Sequence[Bound]) -> None:
