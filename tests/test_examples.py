@@ -25,7 +25,7 @@ def result() -> wt.Result:
     )
 
 
-LONG = {"best_plan", "close_skin", "find_landmarks", "fit_back", "make_case"}
+LONG = {"best_plan", "close_skin", "find_landmarks", "fit_back", "make_case", "write_report"}
 """Examples that take long, which run with the slow tests."""
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from support.no_meshing import forbid_meshing
-from support.phantoms import whole_phantom
+from support.phantoms import coarse_phantom
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, read_plan
 from warp_trunk.case import write_case
 from warp_trunk.cli import main
@@ -21,9 +21,11 @@ from warp_trunk.run.options import RunOptions, with_changes
 from warp_trunk.run.patient import patient_of
 from warp_trunk.run.simulate import simulate
 
-COARSE = ("--tets", "60000", "--bone-edge-length", "12", "--increments", "1", "--no-record", "--tolerance", "0.5")
+COARSE = (
+    "--tets=26000", "--bone-voxel=8", "--bone-tolerance=2", "--increments=1", "--tolerance=0.5", "--no-record",
+)  # fmt: skip
 SMALL: dict[str, Any] = {
-    "tets": 60000, "bone_edge_length": 12.0, "increments": 1, "record": False, "tolerance": 0.5,
+    "tets": 26_000, "bone_voxel": 8.0, "bone_tolerance": 2.0, "increments": 1, "tolerance": 0.5, "record": False,
 }  # fmt: skip
 TEXT = 'uiv = "T4"\nliv = "L1"\n[[curve]]\napex = "T8"\ncorrection = {correction}\n'
 
@@ -31,7 +33,7 @@ TEXT = 'uiv = "T4"\nliv = "L1"\n[[curve]]\napex = "T8"\ncorrection = {correction
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A case without a plan, plans as a file and in a folder, and one that no spine can meet."""
-    write_case(tmp_path / "anna", replace(whole_phantom(), landmarks_after=None))
+    write_case(tmp_path / "anna", replace(coarse_phantom(), landmarks_after=None))
     (tmp_path / "more").mkdir()
     for file, correction in (("less.toml", 0.3), ("more/plan.toml", 0.65)):
         (tmp_path / file).write_text(TEXT.format(correction=correction))
@@ -88,7 +90,7 @@ def test_every_result_stays_where_the_working_folder_was(folder: Path, monkeypat
     plans = {name: read_plan(folder / file) for name, file in (("less", "less.toml"), ("more", "more/plan.toml"))}
     (folder / "elsewhere").mkdir()
     results = simulate(
-        whole_phantom(),
+        coarse_phantom(),
         plans,
         folder="out",
         on_result=lambda *_: monkeypatch.chdir(folder / "elsewhere"),
@@ -99,7 +101,7 @@ def test_every_result_stays_where_the_working_folder_was(folder: Path, monkeypat
 
 
 def test_several_plans_use_the_patient_and_the_warnings_that_are_given(monkeypatch: pytest.MonkeyPatch) -> None:
-    case = replace(whole_phantom(), landmarks_after=None, notes=("The skin was repaired.",))
+    case = replace(coarse_phantom(), landmarks_after=None, notes=("The skin was repaired.",))
     patient = patient_of(case, with_changes(RunOptions(), SMALL))
     forbid_meshing(monkeypatch)
     plan = Plan(uiv="T4", liv="L1", curves=(CurvePlan(apex="T8", correction=0.3),))
@@ -126,7 +128,7 @@ def test_python_says_nothing_but_the_stages_of_the_run() -> None:
 
 
 def test_plans_that_cannot_be_simulated_are_refused(tmp_path: Path) -> None:
-    case = whole_phantom()
+    case = coarse_phantom()
     with pytest.raises(InputError, match="there is no plan"):
         simulate(case, {}, folder=tmp_path)
     plan = Plan(uiv="T4", liv="L1", curves=(CurvePlan(apex="T8", correction=0.3),))
