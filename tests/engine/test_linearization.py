@@ -22,7 +22,7 @@ from warp_trunk.errors import InputError
 
 TRUNK = with_skin(block_with_bone((4, 4, 5), holes=((1, 2, 1), (2, 1, 3))))
 LABEL = np.random.default_rng(2).dirichlet([1.0, 1.0], size=len(TRUNK.tets))
-TIGHT = 1e-9
+TIGHT = 1e-11
 """Tolerance of relaxations whose ends are subtracted [mm]."""
 
 

@@ -69,12 +69,12 @@ def chance_of_saddle(r_dot_z: np.ndarray, p_dot_q: np.ndarray, noise: float, rou
     return math.sqrt(2.0 / math.pi) * math.exp(log_component - math.log(noise))
 
 
-def reach(left: float, steps: Sequence[Step], unseen: float, slowest: float) -> float:
+def reach(left: float, steps: Sequence[Step], slowest: float) -> float:
     """How far the equilibrium can be where a Newton step has a length [mm].
 
     The last step at least as long shows how little the Hessian changes on the way: if it left a part q of itself,
-    there is one equilibrium within 1 / (1 - q) of the length (Newton and Kantorovich). q is `unseen` where there
-    was none, and at most `slowest`.
+    there is one equilibrium within 1 / (1 - q) of the length (Newton and Kantorovich). q is at most `slowest`,
+    also where there was none.
     """
     seen = (step.left / step.length for step in reversed(steps) if step.length >= left > 0.0)
-    return left / (1.0 - min(next(seen, unseen), slowest))
+    return left / (1.0 - min(next(seen, slowest), slowest))

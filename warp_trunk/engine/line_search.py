@@ -12,7 +12,7 @@ from .state import ProductReader, Products, State
 DECREASE = 1e-4
 """Armijo: the part of the decrease that the slope promises which a step must give."""
 MOST_TRIALS = 40
-"""Halvings from a first length to one that moves nothing in float32."""
+"""Lengths that are tried: halvings to one that moves nothing in float32."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,6 @@ def search(
     length: float,
     reference: float,
     slope: float,
-    slope_ratio: float | None = None,
     *,
     rounding: float = 1e-9,
 ) -> tuple[Trial | None, int]:
@@ -59,33 +58,17 @@ def search(
         length: the first length to try.
         reference: the energy to come below: the last, or the largest of the last few.
         slope: derivative of the energy along the direction at its start, negative.
-        slope_ratio: go on until the slope has fallen to this part of the first; None takes the first decrease.
         rounding: change of the energy below which the slopes decide.
 
     Returns:
         The trial, the last one attempted, or None where no length helps; and the number of attempts.
     """
-    low, high, low_slope = 0.0, math.inf, slope
-    best: Trial | None = None
-    attempts = 0
-    while attempts < MOST_TRIALS and (math.isinf(high) or high - low > 1e-6 * high):
+    for attempts in range(1, MOST_TRIALS + 1):
         trial = attempt(length)
-        attempts += 1
-        good = trial.allowed and falls(trial, reference, slope, rounding)
-        if good and (slope_ratio is None or abs(trial.products.slope) <= slope_ratio * abs(slope)):
+        if trial.allowed and falls(trial, reference, slope, rounding):
             return trial, attempts
-        if good and (best is None or trial.energy.total < best.energy.total):
-            best = trial
-        wanted = flat_length(trial, low, low_slope)
-        if good and trial.products.slope < 0.0:
-            low, low_slope = length, trial.products.slope
-        else:
-            high = length
-        if math.isinf(high):
-            length = min(max(wanted, 1.5 * length), 10.0 * length)
-        else:
-            length = min(max(wanted, 0.9 * low + 0.1 * high), 0.1 * low + 0.9 * high)
-    return (attempt(best.length), attempts + 1) if best is not None else (None, attempts)
+        length = min(max(flat_length(trial, slope), 0.1 * length), 0.9 * length)
+    return None, MOST_TRIALS
 
 
 def falls(trial: Trial, reference: float, slope: float, rounding: float) -> bool:
@@ -95,9 +78,9 @@ def falls(trial: Trial, reference: float, slope: float, rounding: float) -> bool
     return change <= DECREASE * trial.length * slope or (change <= rounding and flatter)
 
 
-def flat_length(trial: Trial, low: float, low_slope: float) -> float:
-    """Where the slope is zero by the secant through `low` and the trial; halfway back from a trial not allowed."""
+def flat_length(trial: Trial, slope: float) -> float:
+    """Where the slope is zero by the secant through the start and the trial; halfway back from one not allowed."""
     if not trial.allowed:
-        return 0.5 * (low + trial.length)
-    bend = trial.products.slope - low_slope
-    return low - low_slope * (trial.length - low) / bend if bend > 0.0 else math.inf
+        return 0.5 * trial.length
+    bend = trial.products.slope - slope
+    return -slope * trial.length / bend if bend > 0.0 else math.inf

@@ -274,12 +274,12 @@ class ConjugateGradient:
         self._limit(absolute, relative, least_iterations)
         (self._run_short if short else self._run)()
 
-    def add_noise(self, amount: float, least_iterations: float) -> LinearSolution:
+    def add_noise(self, amount: float) -> LinearSolution:
         """Continues a solve that was SOLVED with an amount of `noise` added to its residual, by new iterations.
 
         Its solution is added to the one before.
         """
-        self._limit(*self._set_limits[:2], least_iterations)
+        self._limit(*self._set_limits[:2], 0.0)
         self._amount.fill_(amount)
         self._run_with_noise()
         return self.read()

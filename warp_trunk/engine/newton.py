@@ -19,14 +19,10 @@ from .linear import BlockMatrix, Outcome
 from .model import Model
 from .multigrid import Multigrid
 from .parallel import takes_turns
-from .policy import POLICY, Action, Phase, Plan, Run, decide, decide_end, plan, searched, stretch
+from .policy import Action, Plan, Run, decide, decide_end, plan, searched, stretch
 from .relaxation import Relaxation, RelaxOptions, RelaxStatus, RelaxStep
 from .state import State
 from .work import Work
-
-SADDLE_SLOPE = 0.5
-"""Down from a saddle the line search goes on until the slope has fallen to this part; else it takes the first
-decrease."""
 
 
 class Relaxer:
@@ -124,7 +120,6 @@ class Relaxer:
                 1.0,
                 history.energy.total,
                 work.products().slope,
-                SADDLE_SLOPE if run.phase is Phase.SADDLE else None,
                 rounding=history.rounding,
             )
             history.evaluations += attempts
@@ -178,7 +173,7 @@ def find_direction(work: Work, run: Run, planned: Plan) -> tuple[Action, int]:
         action, certifying = decide(run, planned, solution), False
         if action is Action.CERTIFY:
             certifying, run.floor = True, max(run.floor, work.measure())
-            solution = work.certify(solution, POLICY.certificate * solution.iterations)
+            solution = work.certify(solution)
             spent += solution.iterations
         while action is Action.CERTIFY:
             first, chance = work.chances()
@@ -193,7 +188,7 @@ def find_direction(work: Work, run: Run, planned: Plan) -> tuple[Action, int]:
                 begin(work, planned)
             case Action.DESCEND:
                 run.down = work.negative_curvature() if run.down is None else run.down
-                work.descend(run.down, POLICY.reach * run.tolerance, on=not certifying)
+                work.descend(run.down, run.tolerance, on=not certifying)
                 return Action.SEARCH, spent
             case Action.SEARCH | Action.CONVERGED | Action.STALLED:
                 return action, spent

@@ -43,32 +43,23 @@ class Policy:
 
     accuracy: float = 0.1
     """The part of the tolerance that a solve may leave."""
-    accuracy_on_the_way: float = 0.03
-    """The same at increments on the way, whose tolerance is larger: the extrapolation builds on them."""
     projected_accuracy: float = 0.3
     """The part of the distance that a solve with the projected Hessian may leave. Such a step leaves more where
     tissue is crushed: solves to a tenth took as many steps, and a third more iterations. Where volume is a
     thousand times as stiff as usual they took a fifth of the iterations."""
-    true_accuracy: tuple[float, float] = (0.03, 0.1)
-    """The part that a solve with the true Hessian may leave: the square of the contraction of the last step,
-    between these (Eisenstat and Walker 1996)."""
-    contraction: float = 0.2
-    """A step that leaves more than this part of the distance calls for the Hessian of where it led."""
+    true_accuracy: float = 0.03
+    """The same of the true one, whose steps leave less."""
     first: float = 2.0 / 3.0
     """The part of the distance that the first step of a relaxation is assumed to leave: its Hessian, projected, is
     too stiff where edges are compressed, and no step has been seen yet."""
-    unseen: float = 0.9
-    """The part that a true step is assumed to leave where none as long was seen."""
-    slowest: float = 0.95
-    """Steps are assumed to shrink at least this fast from one to the next."""
-    near: tuple[float, float] = (3.0, 0.3)
-    """The true Hessian takes over within so many tolerances, or mm: beyond, crushed tissue has negative
+    slowest: float = 0.9
+    """Steps are assumed to shrink at least this fast from one to the next, also where none as long was seen."""
+    near: float = 0.3
+    """The true Hessian takes over within so many mm, or the tolerance: beyond, crushed tissue has negative
     curvature."""
     nearer: float = 0.25
     """The part of the distance to which the projected Hessian leads before the true one, found indefinite, is
     tried again."""
-    reach: float = 10.0
-    """A descent from a saddle is first tried as far as this many tolerances."""
     least_noise: float = 1e-5
     """Standard deviation of the noise on a gradient of zero, in roundings."""
     chance: float = 1e-3
@@ -76,10 +67,8 @@ class Policy:
     rounding: float = 1.0
     """Roundings of the largest eigenvalue by which an eigenvalue may be wrong. With ten of them float32 claimed 43
     of 60 columns next to buckling, with one 50; no claim was false."""
-    stretch: tuple[int, int] = (4, 64)
-    """Iterations by which a solve with noise is continued before the chance is computed again."""
-    certificate: int = 2
-    """The least iterations of one, as a multiple of those of the solve that it continues."""
+    stretch: int = 16
+    """The most iterations by which a solve with noise is continued before the chance is computed again."""
 
 
 POLICY = Policy()
@@ -129,8 +118,6 @@ class Run:
     """Of the longest vector of the last solution [mm]."""
     norm: float = 0.0
     """The square root of g . M^-1 g where that was found."""
-    contraction: float = math.inf
-    """Its length as a part of the one before."""
     left: float = 0.0
     """The part of the last true step that it left, by how much less the gradient fell [mm]."""
     whole: bool = False
@@ -154,17 +141,15 @@ class Run:
 
 def plan(run: Run, policy: Policy = POLICY) -> Plan:
     """The next linear solve."""
-    within = min(run.nearer, max(policy.near[0] * run.tolerance, policy.near[1]))
+    within = min(run.nearer, max(run.tolerance, policy.near))
     was_true = run.phase is Phase.TRUE
     true = run.confirm and (run.try_true or (was_true and run.whole) or run.distance <= within)
-    kept = run.reuse or run.contraction <= policy.contraction
-    least, most = policy.true_accuracy
     return Plan(
         true,
-        fresh=true or was_true or not kept,
+        fresh=true or not run.reuse,
         grids=run.confirm and not true and math.isinf(run.length),
-        absolute=(policy.accuracy if run.confirm else policy.accuracy_on_the_way) * run.tolerance,
-        relative=min(most, max(least, run.contraction**2)) if true else policy.projected_accuracy,
+        absolute=policy.accuracy * run.tolerance,
+        relative=policy.true_accuracy if true else policy.projected_accuracy,
         least_iterations=run.longest_solve if run.cut else 0,
         short=run.reuse,
     )
@@ -209,14 +194,13 @@ def decide_end(run: Run, solution: LinearSolution, chance: float, policy: Policy
 
 def stretch(iterations: int, first: float, chance: float, policy: Policy = POLICY) -> int:
     """Iterations by which a solve is continued: what is expected, by the chance after the first and after all."""
-    least, most = policy.stretch
     fallen, missing = math.log(first / chance), math.log(chance / policy.chance)
-    return int(min(most, max(least, iterations * missing / max(fallen, 1e-3))))
+    return int(min(policy.stretch, iterations * missing / max(fallen, 1e-3))) + 1
 
 
 def bound(run: Run, policy: Policy = POLICY) -> float:
     """The distance within which there is an equilibrium, by the true steps so far [mm]."""
-    return run.floor + reach(max(run.length, run.left), run.steps, policy.unseen, policy.slowest)
+    return run.floor + reach(max(run.length, run.left), run.steps, policy.slowest)
 
 
 def _avoid(run: Run, policy: Policy) -> Action:
@@ -244,11 +228,10 @@ def _estimate(run: Run, planned: Plan, solution: LinearSolution, policy: Policy)
     if planned.true and run.whole and run.phase is Phase.TRUE:
         run.left = solution.norm / run.norm * before
         run.steps.append(Step(before, max(run.left, length)))
-    run.contraction = length / before if 0.0 < before < math.inf else math.inf
-    fallen = (
-        solution.norm / run.norm if run.norm else 0.0
-    )  # less than the length, where stiff motions hide soft ones
-    left = min(max(run.contraction, fallen), policy.slowest) if before < math.inf else policy.first
+    left = policy.first
+    if 0.0 < before < math.inf:
+        fallen = solution.norm / run.norm  # less than the length, where stiff motions hide soft ones
+        left = min(max(length / before, fallen), policy.slowest)
     run.length, run.norm, run.solved = length, solution.norm, True
     run.phase = Phase.TRUE if planned.true else Phase.PROJECTED
     run.distance = run.floor + length * max(1.0, left / (1.0 - left))
@@ -265,7 +248,7 @@ def searched(run: Run, length: float | None) -> bool:
         run.try_true = run.at_saddle = True
         return run.confirm and run.phase is Phase.PROJECTED
     if run.phase is Phase.SADDLE:
-        run.length = run.contraction = math.inf
+        run.length = math.inf
         run.steps.clear()
     else:
         run.cut = run.cut or length < 1.0

@@ -24,10 +24,6 @@ from .state import State, to_mesh_order
 ON_THE_WAY = 20.0
 """Tolerances to which increments on the way are relaxed, by an estimate that is pessimistic: at the default of
 0.1 mm no node was farther than 0.9 mm from its equilibrium then, and none of the skin 0.05 mm."""
-NEAR = 3.0
-"""An increment that was so many tolerances from its end before its last step: the next likely starts near its."""
-LEAST_SHARE = 0.4
-"""The least share of the newest change of the motion in the mean by which tissue is extrapolated."""
 
 
 class PrescribedPath(Protocol):
@@ -140,7 +136,6 @@ def simulate(
     user = relaxer.user = object()
     predictor = Predictor(relaxer.state, bone_path)
     descent = ProjectedGradient(relaxer) if options.relax.method == "gradient" else None
-    near = False
     for number in range(1, options.increments + 1):
         if relaxer.user is not user:
             raise InputError(
@@ -159,11 +154,9 @@ def simulate(
                     watch,
                     confirm=final,
                     confirm_inverted=confirm_inverted,
-                    near=near,
                     meanwhile=None if final else partial(predictor.stage, (number + 1) / options.increments),
                 )
             predictor.record(relaxation)
-            near = relaxation.estimated_error <= NEAR * options.relax.tolerance
             displacement = wp.clone(relaxer.state.displacement)
             seconds = time.perf_counter() - start
         increment = Increment(relaxer, number, load_factor, displacement, relaxation, seconds=seconds)
@@ -258,7 +251,7 @@ class Predictor:
             self.state.set_displacement(self._path.at(load_factor))
             return
         changes = self._increments - 1
-        self._share.fill_(max(LEAST_SHARE, 1.0 / changes) if changes else 0.0)
+        self._share.fill_(1.0 / changes if changes else 0.0)
         self._part.fill_(1.0 if self._steps == 1 else 0.0)
         self._extrapolate()
         self.stage(load_factor)

@@ -118,14 +118,14 @@ class Work:
         """How the solve that was launched ended."""
         return self._solver.read()
 
-    def certify(self, solution: LinearSolution, iterations: int) -> LinearSolution:
-        """Continues a solve with noise as large as what it left, by at least so many iterations."""
+    def certify(self, solution: LinearSolution) -> LinearSolution:
+        """Continues a solve with noise as large as what it left."""
         model = self.state.model
         least = POLICY.least_noise * float(np.finfo(model.precision).eps)
         self._noise = max(solution.left / max(3 * model.free_nodes, 1) ** 0.5, least)
         self._ahead = False
         self._color()
-        return self._solver.add_noise(self._noise, iterations)
+        return self._solver.add_noise(self._noise)
 
     def chances(self) -> tuple[float, float]:
         """Of having missed a saddle, after the first iteration of the last solve, with noise, and after all."""

@@ -68,4 +68,4 @@ def test_what_rounding_hides_is_not_excluded() -> None:
 )
 def test_the_distance_is_that_within_which_there_is_an_equilibrium(steps: list[Step], wanted: float) -> None:
     """Of the newest step as long as the 0.6 mm that are left: left / (1 - q), by hand."""
-    assert reach(0.6, steps, unseen=0.9, slowest=0.95) == pytest.approx(wanted)
+    assert reach(0.6, steps, slowest=0.9) == pytest.approx(wanted)

@@ -28,22 +28,9 @@ def along(
     return attempt, tried
 
 
-@pytest.mark.parametrize("first", [1e-4, 0.01, 1.0, 100.0, 1e4])
-@pytest.mark.parametrize("ratio", [0.1, 0.5])
-def test_goes_on_until_the_slope_is_flat_enough(first: float, ratio: float) -> None:
-    """(x - 3)^2 from x = 0, with a first length far too short or far too long."""
+def test_takes_the_first_decrease() -> None:
     attempt, tried = along(lambda x: (x - 3.0) ** 2, lambda x: 2.0 * (x - 3.0))
-    found, attempts = search(attempt, first, 9.0, -6.0, ratio)
-    assert found is not None
-    assert attempts == len(tried)
-    assert found.length == tried[-1]
-    assert abs(2.0 * (found.length - 3.0)) <= ratio * 6.0
-    assert len(tried) < 20
-
-
-def test_takes_the_first_decrease_where_no_ratio_is_asked() -> None:
-    attempt, tried = along(lambda x: (x - 3.0) ** 2, lambda x: 2.0 * (x - 3.0))
-    found, _ = search(attempt, 1.0, 9.0, -6.0, None)
+    found, _ = search(attempt, 1.0, 9.0, -6.0)
     assert found is not None
     assert found.length == 1.0
     assert tried == [1.0]
@@ -52,29 +39,27 @@ def test_takes_the_first_decrease_where_no_ratio_is_asked() -> None:
 @pytest.mark.parametrize("first", [8.0, 1e6])
 def test_comes_back_from_beyond_the_valley(first: float) -> None:
     attempt, _ = along(lambda x: (x - 3.0) ** 2, lambda x: 2.0 * (x - 3.0))
-    found, _ = search(attempt, first, 9.0, -6.0, None)
+    found, _ = search(attempt, first, 9.0, -6.0)
     assert found is not None
     assert 0.0 < found.length < 6.0
 
 
-@pytest.mark.parametrize("ratio", [None, 0.1])
-def test_never_ends_where_a_tetrahedron_would_invert(ratio: float | None) -> None:
+def test_never_ends_where_a_tetrahedron_would_invert() -> None:
     attempt, _ = along(lambda x: (x - 3.0) ** 2, lambda x: 2.0 * (x - 3.0), inverted_beyond=0.7)
-    found, _ = search(attempt, 5.0, 9.0, -6.0, ratio)
+    found, _ = search(attempt, 5.0, 9.0, -6.0)
     assert found is not None
     assert 0.0 < found.length <= 0.7
 
 
-@pytest.mark.parametrize("ratio", [None, 0.1])
-def test_comes_back_from_numbers_that_are_not_finite(ratio: float | None) -> None:
+def test_comes_back_from_numbers_that_are_not_finite() -> None:
     attempt, _ = along(lambda x: (x - 3.0) ** 2 if x < 4.0 else math.nan, lambda x: 2.0 * (x - 3.0))
-    found, _ = search(attempt, 64.0, 9.0, -6.0, ratio)
+    found, _ = search(attempt, 64.0, 9.0, -6.0)
     assert found is not None
     assert found.energy.total < 9.0
 
 
 def test_gives_up_where_nothing_falls() -> None:
     attempt, tried = along(lambda x: 9.0 + x, lambda x: 1.0)
-    found, attempts = search(attempt, 1.0, 9.0, -6.0, None)
+    found, attempts = search(attempt, 1.0, 9.0, -6.0)
     assert found is None
     assert attempts == len(tried) < 100
