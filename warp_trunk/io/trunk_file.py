@@ -27,9 +27,9 @@ class _Content:
 
     triangles: np.ndarray
     """Those of the skin, then those of the bone surface; nodes, shape (triangles, 3)."""
-    point_data: dict[str, np.ndarray]
+    point_data: dict[str, Any]
     """A row for each node."""
-    cell_data: dict[str, np.ndarray]
+    cell_data: dict[str, Any]
     """A row for each tetrahedron, then for each triangle."""
 
 
@@ -40,7 +40,7 @@ def _content(trunk: TrunkMesh, displacement: np.ndarray) -> _Content:
     kind[trunk.skin_nodes] = 1
     triangles = np.concatenate([trunk.skin_nodes[trunk.skin_faces], trunk.bone_faces]).astype(np.int32)
     sizes = len(trunk.tets), len(trunk.skin_faces), len(trunk.bone_faces)
-    cell_data = {"part": np.repeat(np.arange(3, dtype=np.int32), sizes)}
+    cell_data: dict[str, Any] = {"part": np.repeat(np.arange(3, dtype=np.int32), sizes)}
     if trunk.tissue is not None:
         none = np.full(len(triangles), -1, dtype=np.int32)
         cell_data["tissue"] = np.concatenate([tissue_labels(trunk), none])
@@ -62,7 +62,7 @@ def as_meshio(trunk: TrunkMesh, displacement: np.ndarray) -> Any:
 
     content = _content(trunk, displacement)
     cells: Any = [("tetra", trunk.tets), ("triangle", content.triangles)]
-    cell_data = {name: np.split(values, [len(trunk.tets)]) for name, values in content.cell_data.items()}
+    cell_data: Any = {name: np.split(values, [len(trunk.tets)]) for name, values in content.cell_data.items()}
     return meshio.Mesh(trunk.nodes, cells, point_data=content.point_data, cell_data=cell_data)
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -161,7 +162,7 @@ def _first_hits(vertices: np.ndarray, faces: np.ndarray, seen: Window) -> tuple[
     towards = np.flatnonzero(area_vectors(vertices, faces)[:, 1] > 0.0)  # a ray enters by these alone
     mesh, middle = search_tree(Surface(vertices, faces[towards]))
     shape = (len(seen.z), len(seen.x))
-    face = wp.zeros(shape, dtype=wp.int32, device="cpu")
+    face: Any = wp.zeros(shape, dtype=wp.int32, device="cpu")
     weights = wp.zeros(shape, dtype=wp.vec3, device="cpu")
     right, down, forward = wp.vec3(-seen.pixel, 0.0, 0.0), wp.vec3(0.0, 0.0, -seen.pixel), wp.vec3(0.0, -1.0, 0.0)
     corner = wp.vec3(*(np.array([seen.x[0], near, seen.z[0]]) - middle))

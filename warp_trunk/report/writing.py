@@ -228,8 +228,8 @@ def _backs(
     )
 
     def humps(rows: Sequence[int]) -> Figure:
-        shown = ([each[row] for row in rows] for each in (every, reliefs, painted))
-        return hump_picture(*shown, seen, limit)
+        shown = [every[row] for row in rows]
+        return hump_picture(shown, [reliefs[row] for row in rows], [painted[row] for row in rows], seen, limit)
 
     own = len(poses)
     figures: dict[str, Figure | None] = {

@@ -97,7 +97,7 @@ def simulate(
             a stage refuses. Everything that can be refused before the first simulation is refused before it.
     """
     expect(case, Case, "simulate: 'case'", "read it with read_case")
-    listed = plan if isinstance(plan, Sequence) and not isinstance(plan, str) else [] if plan is None else [plan]
+    listed: Any = plan if isinstance(plan, Sequence) and not isinstance(plan, str) else [plan] if plan else []
     plans = plan if isinstance(plan, Mapping) else {str(n): one for n, one in enumerate(listed, start=1)}
     for one in plans.values():
         expect(one, Plan, "simulate: a plan", 'give wt.Plan(uiv="T4", liv="L1", ...), or read it with read_plan')
