@@ -13,8 +13,6 @@ from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.spline import SplineSums, fit_spline, spread_centres
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from warp_trunk.case.landmarks import Landmarks
     from warp_trunk.engine.trunk_mesh import TrunkMesh
 

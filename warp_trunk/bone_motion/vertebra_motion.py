@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from warp_trunk.case.landmarks import ASIS, VERTEBRA_POINTS
 from warp_trunk.geometry.rigid import RigidMotion, rotated
 from warp_trunk.measures.spine import ENDPLATES
 
@@ -140,10 +141,6 @@ def attitudes(bending: np.ndarray, flexion: np.ndarray, turn: np.ndarray | float
     return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 
-_ASIS = ("asis_left", "asis_right")
-_PEDICLES = tuple(f"{side}_pedicle_{end}" for side in ("left", "right") for end in ("superior", "inferior"))
-
-
 class CoupledTurns:
     """How far each vertebra turns about its own axis because its curve changes.
 
@@ -159,13 +156,13 @@ class CoupledTurns:
         whole = [
             number
             for number, level in enumerate(levels)
-            if all(f"{level}_{end}" in self._place for end in (*ENDPLATES, *_PEDICLES))
+            if all(f"{level}_{end}" in self._place for end in VERTEBRA_POINTS)
         ]
         self._whole, self._count, self._marked = whole, len(levels), landmarks.vertebrae()
         self._along = [self._marked.index(levels[number]) for number in whole]
-        rows = [[self._place[f"{levels[number]}_{end}"] for end in (*ENDPLATES, *_PEDICLES)] for number in whole]
+        rows = [[self._place[f"{levels[number]}_{end}"] for end in VERTEBRA_POINTS] for number in whole]
         self._rows = np.array(rows, dtype=int).reshape(-1, 6)
-        self._asis = [self._place[name] for name in _ASIS if name in self._place]
+        self._asis = [self._place[name] for name in ASIS if name in self._place]
 
     def of(self, curves: Sequence[CobbAngle], before: np.ndarray, after: np.ndarray) -> np.ndarray:
         """Turns of the vertebrae against the pelvis, counterclockwise seen from above [rad], shape (sets, levels).

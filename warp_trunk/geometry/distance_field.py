@@ -224,20 +224,13 @@ def search_tree(surface: Surface, *, winding_number: bool = False) -> SearchTree
     return SearchTree(mesh, middle)
 
 
-_INT: Any = wp.int32
-_VEC3: Any = wp.vec3
+_FACE_AND_WEIGHTS: tuple[Any, ...] = (wp.int32, wp.vec3)
 
 
 def nearest(surface: Surface, points: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
     """The nearest triangle to each point, -1 if none is within reach [mm], and its corners' weights (n, 3)."""
     tree = search_tree(surface)
-    face: Any = wp.empty(len(points), dtype=_INT, device="cpu")
-    weights: Any = wp.empty(len(points), dtype=_VEC3, device="cpu")
-    wp.launch(
-        nearest_on_mesh,
-        dim=len(points),
-        inputs=[tree.mesh.id, tree.local(points), reach],
-        outputs=[face, weights],
-        device="cpu",
-    )
+    face, weights = (wp.empty(len(points), dtype=kind, device="cpu") for kind in _FACE_AND_WEIGHTS)
+    given = [tree.mesh.id, tree.local(points), reach]
+    wp.launch(nearest_on_mesh, dim=len(points), inputs=given, outputs=[face, weights], device="cpu")
     return face.numpy(), weights.numpy().astype(np.float64)

@@ -43,15 +43,11 @@ class RigidMotion:
     @classmethod
     def stack(cls, motions: Iterable[RigidMotion]) -> RigidMotion:
         """Motions of one shape, or shapes that broadcast, along a new last axis."""
-        motions = list(motions)
-        shape = np.broadcast_shapes(*{motion.shape for motion in motions})
-        found = cls(np.empty((*shape, len(motions), 3, 3)), np.empty((*shape, len(motions), 3)))
-        for number, motion in enumerate(motions):
-            found.rotation[..., number, :, :], found.translation[..., number, :] = (
-                motion.rotation,
-                motion.translation,
-            )
-        return found
+        rotations, translations = zip(*((motion.rotation, motion.translation) for motion in motions), strict=True)
+        return cls(
+            np.stack(np.broadcast_arrays(*rotations), axis=-3),
+            np.stack(np.broadcast_arrays(*translations), axis=-2),
+        )
 
     @classmethod
     def from_matrix(cls, matrix: np.ndarray) -> RigidMotion:

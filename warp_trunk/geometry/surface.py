@@ -75,6 +75,12 @@ def corner_areas(surface: Surface) -> np.ndarray:
     return np.bincount(surface.faces.reshape(-1), third, len(surface.vertices))
 
 
+def side_lengths(surface: Surface) -> np.ndarray:
+    """The lengths of the sides of each triangle [mm], shape (faces, 3)."""
+    corners = surface.vertices[surface.faces]
+    return np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+
+
 def check_surface(surface: Surface, name: str) -> None:
     """Check that a surface has triangles, finite vertices, and faces that name vertices it has.
 

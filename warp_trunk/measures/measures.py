@@ -16,6 +16,7 @@ from .apical import ApicalVertebra, apical_vertebrae, axial_rotation
 from .back_rotation import DualTangent, hump_height, tangents_of
 from .cobb import CobbAngle, SpineHeight, curves_of, kyphosis, lordosis, spine_height
 from .outlines import FlankAsymmetry, Shoulders, Waist, flank_asymmetry, outlines_of, shoulder_heights, waist_of
+from .quantities import largest_at
 from .spine import SacralLine, Spine, TrunkShift, sacral_line, spine_of, trunk_shift
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ class TrunkMeasures:
     @property
     def worst_level(self) -> str | None:
         """The level of the rotation of largest size; None if all are missing."""
-        return _largest_at(self.bsr)
+        return largest_at(self.bsr)
 
     @cached_property
     def hump_height(self) -> dict[str, float | None]:
@@ -97,7 +98,7 @@ class TrunkMeasures:
     @property
     def hump_level(self) -> str | None:
         """The level of the hump of largest size; None if all are missing."""
-        return _largest_at(self.hump_height)
+        return largest_at(self.hump_height)
 
     @cached_property
     def flanks(self) -> dict[str, FlankAsymmetry | None]:
@@ -206,11 +207,6 @@ def _missing_of_spine(found: TrunkMeasures) -> dict[str, str]:
     return reasons
 
 
-def _largest_at(values: Mapping[str, float | None]) -> str | None:
-    sizes = {level: abs(value) for level, value in values.items() if value is not None}
-    return max(sizes, key=sizes.__getitem__, default=None)
-
-
 def _largest(values: Mapping[str, float | None]) -> float | None:
-    level = _largest_at(values)
+    level = largest_at(values)
     return None if level is None else values[level]

@@ -191,6 +191,12 @@ class Measured:
         return self.low <= value <= self.high
 
 
+def largest_at(values: Values) -> str | None:
+    """The level of the value of largest size; None where none is known."""
+    sizes = {level: abs(value) for level, value in values.items() if value is not None}
+    return max(sizes, key=sizes.__getitem__, default=None)
+
+
 COLUMNS = ("state", "level", "quantity", "value", "low", "high")
 """The fields of `Measured`: the columns of the table."""
 
@@ -254,8 +260,7 @@ class MeasureTable:
 
     def largest(self, state: str, quantity: str) -> str | None:
         """The level at which a quantity has its largest size; None where it is known at none."""
-        sizes = {level: abs(value) for level, value in self.values(state, quantity).items() if value is not None}
-        return max(sizes, key=sizes.__getitem__, default=None)
+        return largest_at(self.values(state, quantity))
 
     def with_rows(self, known: Iterable[Measured]) -> MeasureTable:
         """The table with other rows in place of those of the same state, level and quantity, or after all."""

@@ -175,12 +175,11 @@ def layered(trunk: TrunkMesh, layers: Layers, source: LayersFrom) -> TrunkMesh:
     Raises:
         InputError: thickness that does not fit the skin, or a mesh with labels that is missing or does not fit.
     """
+    if source == "none":
+        return trunk
     if source == "mesh":
         check_labels(layers, trunk)
-    if source == "none" or (source == "mesh" and layers.mesh is None):
-        return trunk
-    if layers.mesh is not None and source == "mesh":
-        return replace(trunk, tissue=labels_from_mesh(trunk, layers.mesh))
+        return trunk if layers.mesh is None else replace(trunk, tissue=labels_from_mesh(trunk, layers.mesh))
     above = part_above(trunk, layers.bottoms(len(trunk.skin_nodes)))
     return replace(trunk, tissue=np.stack([above[0], above[1] - above[0], 1.0 - above[1]], axis=1))
 

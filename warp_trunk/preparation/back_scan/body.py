@@ -15,6 +15,7 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures.spine import asis_axis
 
 from ..deformity.deformity import check_straight
+from ..deformity.spine_curve import endplates_of
 from ..landmark_finder import find_landmarks
 from ..phantom.phantom import straight_trunk
 
@@ -46,8 +47,7 @@ class StraightBody:
     @property
     def endplates(self) -> np.ndarray:
         """Superior and inferior endplate centres of T1 to L5 [mm], shape (17, 2, 3)."""
-        names = [f"{level}_{end}_endplate" for level in VERTEBRAE for end in ("superior", "inferior")]
-        return np.array([self.landmarks.point(name) for name in names]).reshape(-1, 2, 3)
+        return endplates_of(self.landmarks)
 
     @property
     def centres(self) -> np.ndarray:

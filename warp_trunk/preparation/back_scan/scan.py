@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from warp_trunk.case import Case
-from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.relief import averaged, without_bumps
@@ -16,6 +15,7 @@ from warp_trunk.geometry.surface import area_vectors, unit
 from warp_trunk.geometry.surface_checks import linked_parts
 from warp_trunk.measures.spine import asis_axis
 
+from ..deformity.spine_curve import endplates_of
 from .body import posterior_spines
 from .spine import PatientSpine, spine_line
 
@@ -131,7 +131,7 @@ def cut_back(case: Case, noise: float = 0.3, seed: int = 0) -> tuple[np.ndarray,
     skin, landmarks = case.skin, case.landmarks_before
     psis = posterior_spines(skin, case.bones, asis_axis(landmarks))
     rng = np.random.default_rng(seed)
-    ends = np.array([[landmarks.point(f"{v}_{e}_endplate") for e in ("superior", "inferior")] for v in VERTEBRAE])
+    ends = endplates_of(landmarks)
     vectors = area_vectors(skin.vertices, skin.faces)
     area, normal = np.linalg.norm(vectors, axis=1), unit(vectors)
     face = rng.choice(len(area), int(area.sum() / _EACH), p=area / area.sum())

@@ -224,7 +224,7 @@ def vertebra_poses(straight: Landmarks, curve: SpineCurve | MeasuredSpine) -> di
     Raises:
         InputError: a missing endplate landmark, or vertebrae that are not in order from top to bottom.
     """
-    ends = _endplates(straight)
+    ends = endplates_of(straight)
     centres = ends.mean(axis=1)  # (17, 3), T1 first
     foot = ends[-1, 1]
     if not (np.diff([*centres[:, 2], foot[2]]) < 0.0).all():
@@ -269,8 +269,12 @@ def vertebra_poses(straight: Landmarks, curve: SpineCurve | MeasuredSpine) -> di
     return poses
 
 
-def _endplates(landmarks: Landmarks) -> np.ndarray:
-    """Superior and inferior endplate centres of T1 to L5, shape (17, 2, 3)."""
+def endplates_of(landmarks: Landmarks) -> np.ndarray:
+    """Superior and inferior endplate centres of T1 to L5 [mm], shape (17, 2, 3).
+
+    Raises:
+        InputError: one of them is missing.
+    """
     names = [f"{bone}_{end}_endplate" for bone in VERTEBRAE for end in ("superior", "inferior")]
     if missing := [name for name in names if name not in landmarks.names]:
         raise InputError(f"landmarks: '{missing[0]}' is missing; a spine curve needs both endplates of T1 to L5")

@@ -87,9 +87,8 @@ def body_skin(
 
 def check_cuts(body: Mask, cuts: Sequence[CutPlane]) -> None:
     """InputError for a plane that the box around the body does not reach beyond, or lies beyond altogether."""
-    corners = body.place(np.array(np.meshgrid(*[(0, n) for n in body.inside.shape])).reshape(3, -1).T - 0.5)
     for plane in cuts:
-        check_meets(plane, plane.distance(corners) > 0.0, "--cut", "the body")
+        check_meets(plane, plane.distance(body.corners()) > 0.0, "--cut", "the body")
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,6 @@ from warp_trunk.geometry.surface import Surface, area_vectors, unit, vertex_norm
 
 from .registration import check_near, check_size
 
-"""Bones that the skin does not guide: how thick the tissue over them is differs most between bodies."""
 _APART = 1 / 15
 """Distance of points of the skin that guide bones, over the length of the landmarks of the atlas."""
 _NUGGETS = (1000.0, 300.0, 100.0, 30.0, 30.0, 30.0)
@@ -112,6 +111,7 @@ def fit_atlas(
             left_out[i] = np.linalg.norm(carry(others, sources[i : i + 1], none)[0] - targets[i])
     carried, depth = {}, {}
     for name, bone in bones.items():
+        # how thick the tissue over the pelvis is differs most between bodies: the skin does not guide it
         guides = none if name in own or name in PELVIS else on_skin
         fitted = rows[name] if name in own else everything
         carried[name] = Surface(carry(fitted, bone.vertices, guides), bone.faces)

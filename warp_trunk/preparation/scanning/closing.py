@@ -13,7 +13,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import coarsen, without_slivers
 from warp_trunk.geometry.colours import coloured_from
 from warp_trunk.geometry.distance_field import Grid, one_solid, zero_surface
-from warp_trunk.geometry.surface import Surface, corner_areas, directed_edges, vertex_areas
+from warp_trunk.geometry.surface import Surface, corner_areas, directed_edges, unit, vertex_areas
 from warp_trunk.geometry.surface_checks import boundary_edges, check_solid, linked_parts
 from warp_trunk.io.records import check_fields
 
@@ -212,7 +212,7 @@ def rim_of(parts: Mapping[str, Surface], reaches: Mapping[str, float]) -> tuple[
         at, area = part.vertices[at_edge], vertex_areas(part)[at_edge]
         alone = covers(parts, reaches, name, at, area) == 0
         points.append(at[alone])
-        normals.append(area[alone] / np.maximum(np.linalg.norm(area[alone], axis=1), 1e-12)[:, None])
+        normals.append(unit(area[alone]))
     return np.concatenate(points), np.concatenate(normals)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import coarsen
-from warp_trunk.geometry.surface import Surface, compact, directed_edges, vertex_normals
+from warp_trunk.geometry.surface import Surface, compact, directed_edges, side_lengths, vertex_normals
 from warp_trunk.geometry.surface_checks import (
     boundary_edges,
     components,
@@ -249,8 +249,7 @@ def cut_bone(bone: Surface, plane: CutPlane, name: str = "bone") -> list[Surface
     off = beyond & np.isin(part, np.unique(part[beyond & plane.near(bone.vertices)]))
     if not off.any() or beyond.all():
         raise InputError(f"{name}: {plane} does not cut it; move the plane, or give another radius")
-    ends = bone.vertices[bone.faces]
-    edge = float(np.median(np.linalg.norm(ends - np.roll(ends, 1, axis=1), axis=2)))
+    edge = float(np.median(side_lengths(bone)))
     kept = cut_within(bone, plane, ~beyond | off, edge)
     back = CutPlane(plane.point, tuple(-value for value in plane.normal))
     other = cut_within(bone, back, np.ones(len(beyond), dtype=bool), edge)

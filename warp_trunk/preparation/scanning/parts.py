@@ -15,7 +15,7 @@ import numpy as np
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import nearest
 from warp_trunk.geometry.rigid import RigidMotion
-from warp_trunk.geometry.surface import Surface, area_vectors, check_surface, vertex_areas
+from warp_trunk.geometry.surface import Surface, area_vectors, check_surface, side_lengths, unit, vertex_areas
 from warp_trunk.geometry.surface_checks import boundary_edges, linked_parts, turning_fault
 
 _SMALLEST, _LARGEST = 150.0, 2500.0
@@ -95,9 +95,7 @@ def covers(
 
 def reach_of(surface: Surface, noise: float) -> float:
     """How far a vertex may be from a point on the same place [mm]: the longest usual edge, and the noise."""
-    corners = surface.vertices[surface.faces]
-    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-    return float(np.percentile(edges, 90.0)) + noise
+    return float(np.percentile(side_lengths(surface), 90.0)) + noise
 
 
 _ROUNDS = 30
@@ -188,8 +186,7 @@ def _distances(part: Surface, other: Surface, reach: float) -> tuple[np.ndarray,
     points = part.vertices[on_other]
     face, weights = nearest(other, points, reach)
     points, face, weights = points[face >= 0], face[face >= 0], weights[face >= 0]
-    normal = np.einsum("nk,nki->ni", weights, normals[other.faces[face]])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-12)[:, None]
+    normal = unit(np.einsum("nk,nki->ni", weights, normals[other.faces[face]]))
     foot = np.einsum("nk,nki->ni", weights, other.vertices[other.faces[face]])
     return points, normal, np.einsum("ni,ni->n", points - foot, normal)
 

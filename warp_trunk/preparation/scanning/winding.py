@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from warp_trunk.geometry.distance_field import Grid
-from warp_trunk.geometry.surface import Surface, area_vectors
+from warp_trunk.geometry.surface import Surface, area_vectors, side_lengths
 
 
 def sheet_samples(surface: Surface, spacing: float) -> tuple[np.ndarray, np.ndarray]:
@@ -21,8 +21,7 @@ def sheet_samples(surface: Surface, spacing: float) -> tuple[np.ndarray, np.ndar
     outward normal. The area vectors of a closed surface sum to zero.
     """
     corners = surface.vertices[surface.faces]
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    splits = np.maximum(np.ceil(longest / spacing), 1).astype(int)
+    splits = np.maximum(np.ceil(side_lengths(surface).max(axis=1) / spacing), 1).astype(int)
     area = area_vectors(surface.vertices, surface.faces)
     points, areas = [], []
     for count in np.unique(splits):
