@@ -103,12 +103,16 @@ def fit_back(
     check_inside(scan, spine.line, back, line)
     body = body or made_body()
     rise: np.ndarray | float = 0.0
-    for _ in range(_PLACINGS):
+    placings = 0
+    while True:
         given = place_spine(spine, markers, body.centres, rise)
         frame = find_frame(body, held, given)
         placed = given.turned(frame.rotation.T, frame.shift)
         straight = body.scaled(frame.scale).fitted_to(placed.centres)
         turns = turns_of(placed, spine.kind == "pedicles")
+        placings += 1
+        if placings == _PLACINGS:
+            break
         poses = poses_of(placed, turns, straight.centres, straight.axes)
         marks = {level: straight.landmarks.of_bone(level).points for level in VERTEBRAE}
         centroids = np.array([poses[level](marks[level]).mean(axis=0) for level in VERTEBRAE])

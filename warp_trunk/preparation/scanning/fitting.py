@@ -10,7 +10,7 @@ from warp_trunk.geometry.distance_field import nearest
 from warp_trunk.geometry.surface import Surface, directed_edges, unit, vertex_areas, vertex_normals
 
 if TYPE_CHECKING:
-    from scipy.sparse import csr_array, sparray
+    from scipy.sparse import csr_array
 
 _FACING = 0.5
 """Points whose normal is turned further than 60 degrees from the surface's belong to another fold of it."""
@@ -55,7 +55,7 @@ def fit_to_points(
     return Surface(vertices, surface.faces)
 
 
-def thin_plate(surface: Surface) -> sparray:
+def thin_plate(surface: Surface) -> csr_array:
     """The matrix B of the bending of a plate: x.B x is the integral of the squared Laplacian of values x at the
     vertices of a closed surface, shape (vertices, vertices)."""
     from scipy.sparse import coo_array, diags_array  # heavy
@@ -69,7 +69,7 @@ def thin_plate(surface: Surface) -> sparray:
     scale = 4.0 * np.sqrt(np.linalg.norm(vertex_areas(surface), axis=1)) / square
     mean = coo_array((scale[first] / valence[first], (first, second)), shape=(count, count)).tocsr()
     laplacian = mean - diags_array(scale)
-    return laplacian.T @ laplacian
+    return (laplacian.T @ laplacian).tocsr()
 
 
 def places(surface: Surface, face: np.ndarray, weights: np.ndarray) -> csr_array:
@@ -82,7 +82,7 @@ def places(surface: Surface, face: np.ndarray, weights: np.ndarray) -> csr_array
     return csr_array((weights.reshape(-1), corners.reshape(-1), start), shape=shape)
 
 
-def solved(matrix: sparray, right: np.ndarray) -> np.ndarray:
+def solved(matrix: csr_array, right: np.ndarray) -> np.ndarray:
     """The solution of a sparse symmetric positive definite system for right sides (n, k), shape (n, k)."""
     from scipy.sparse.linalg import splu  # heavy
 
