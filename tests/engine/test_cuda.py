@@ -13,7 +13,7 @@ from support.matrices import upper_blocks
 from support.meshes import block_with_bone, rotate, with_skin
 from support.models import evaluated, gradient_of, half_and_half, model_of, relax, settle
 from support.reference import Reference
-from warp_trunk.engine import grids
+from warp_trunk.engine import multigrid
 from warp_trunk.engine.linear import WINDOW, BlockMatrix, ConjugateGradient, Dots
 from warp_trunk.engine.multigrid import Multigrid
 from warp_trunk.engine.relaxation import RelaxStatus
@@ -109,7 +109,7 @@ def stretched(device: str, precision: str) -> tuple[State, BlockMatrix]:
 @NEEDS_CPU
 def test_cpu_and_cuda_solve_alike(finest_spacing: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same solution to the last digits, and as much work for it."""
-    monkeypatch.setattr(grids, "FINEST_SPACING", finest_spacing)
+    monkeypatch.setattr(multigrid, "FINEST_SPACING", finest_spacing)
     solutions, iterations = [], []
     for device in ("cpu", "cuda:0"):
         state, matrix = stretched(device, "float64")
@@ -125,7 +125,7 @@ def test_cpu_and_cuda_solve_alike(finest_spacing: float, monkeypatch: pytest.Mon
 def test_the_preconditioner_is_symmetric_and_positive(
     precision: str, tolerance: float, finest_spacing: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(grids, "FINEST_SPACING", finest_spacing)
+    monkeypatch.setattr(multigrid, "FINEST_SPACING", finest_spacing)
     state, matrix = stretched("cuda:0", precision)
     model, generator = state.model, np.random.default_rng(3)
     r, z, dots = model.free_vectors(), model.free_vectors(), Dots.zero(model)

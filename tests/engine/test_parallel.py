@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warp_trunk.engine.cores import quota, usable_cores
-from warp_trunk.engine.parallel import Parallel, choose_device, choose_threads, in_sequence
+from warp_trunk.engine.parallel import Parallel, choose_device, choose_threads, in_sequence, quota, usable_cores
 from warp_trunk.errors import InputError
 
 

@@ -14,10 +14,9 @@ import warp as wp
 
 from warp_trunk.kernels.vectors import vector_kernels
 
-from .history import ROUNDING, History
 from .line_search import Trial, search
 from .newton import Relaxer
-from .relaxation import Relaxation, RelaxStatus, RelaxStep
+from .relaxation import ROUNDING, History, Relaxation, RelaxStatus, RelaxStep
 from .state import ProductReader, Products, State
 
 MEMORY = 10

@@ -3,7 +3,7 @@
 z = D^-1 r + P_1 (w D_1^-1 + P_2 (w D_2^-1 + ... (P^T H P)^-1 ... ) P_2^T) P_1^T r, an additive multilevel method
 (Bramble, Pasciak and Xu 1990) whose levels are trilinear on regular grids laid over the trunk; w is 1 by their
 number, because levels overlap. D holds the blocks of the nodes, and of groups of nodes that stiff links tie
-(`node_groups`). A trilinear field is continuous and holds every affine motion, which the long waves
+(`NodeGroups`). A trilinear field is continuous and holds every affine motion, which the long waves
 of soft tissue need; on the phantom it takes a third of the iterations of affine motions of separate aggregates.
 The grids' matrices are those of the trunk at rest: made once, they serve every increment, step and surgical plan
 of a patient."""
@@ -14,6 +14,7 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -36,12 +37,11 @@ from warp_trunk.kernels.multigrid import (
     grid_matrix_kernels,
     vec8i,
 )
+from warp_trunk.kernels.node_groups import MEMBERS, WARP, node_group_kernels
 from warp_trunk.kernels.sparse import diagonal_inverter
 
-from .grids import CoarseGrid, Interpolation, find_spacings
 from .linear import BlockMatrix, Dots, Iterates
 from .model import Model
-from .node_groups import NodeGroups
 from .parallel import Launch, in_sequence, view
 from .topology import equal_parts
 
@@ -53,6 +53,18 @@ smallest eigenvalue is then at least a part of 10 n, so that rounding spoils a h
 SHIFT, IDLE_SHIFT = 1e-6, 1e-3
 """Addition to a unit diagonal; and where a grid has vertices with next to no nodes, whose directions, 1e6
 times as soft as others, would leave 16 bits with no digits for the others."""
+LEAST_SUPPORT = 0.01
+"""A grid vertex that reaches its points with a smaller sum of squared weights is left out."""
+DENSE_CELLS = 480
+"""Most cells of the coarsest grid that hold nodes; about as many vertices, three rows of the inverse for each."""
+FINEST_SPACING = 1.15
+"""No grid is finer than this many mean distances of nodes: below, the nodes' own blocks do the work."""
+OFFSETS = np.array([[k & 1, k >> 1 & 1, k >> 2 & 1] for k in range(8)])
+"""Corners of a cell."""
+STIFF = 0.45
+"""Nodes are tied whose block off the diagonal is this part of their blocks on it, by norm: one of a hundred links
+of the anatomy, of the papers' energy one of twenty. With 0.5 the certificate of the default takes 100 linear
+iterations, with 0.45 68, with 0.4 64; without groups 164."""
 
 
 class Multigrid:
@@ -407,3 +419,206 @@ def _inverse_of_scaled(
         return scaled, np.full(np.count_nonzero(scale), np.inf)
     inverse += np.triu(inverse, 1).T
     return inverse, np.diagonal(inverse)[scale > 0.0]
+
+
+@dataclass(frozen=True, eq=False)
+class CoarseGrid:
+    """The vertices of a regular grid that reach a set of points."""
+
+    origin: np.ndarray
+    """Vertex (0, 0, 0) [mm], shape (3,)."""
+    spacing: float
+    """Edge of a cell [mm]."""
+    number: np.ndarray
+    """Number of each vertex of the grid's box, -1 where left out, shape (nx, ny, nz)."""
+    positions: np.ndarray
+    """Where the numbered vertices are [mm], shape (vertices, 3)."""
+
+    @classmethod
+    def around(cls, points: np.ndarray, origin: np.ndarray, spacing: float) -> tuple[CoarseGrid, Interpolation]:
+        """The grid over points (points, 3), none of them below the origin [mm], and its interpolation to them."""
+        cell, weight = weights(points, origin, spacing)
+        size = cell.max(axis=1) + 2
+        support = np.zeros(size.prod())
+        vertex = _corners(cell, size)
+        for own, part in zip(vertex, weight, strict=True):
+            support += np.bincount(own, part**2, minlength=len(support))
+        kept = (support >= min(LEAST_SUPPORT, support.max())).reshape(size)
+        axes = np.argsort(-size, kind="stable")  # layers across the longest axis follow each other: see `invert`
+        place = np.empty((np.count_nonzero(kept), 3), dtype=np.int64)
+        place[:, axes] = np.argwhere(kept.transpose(axes))
+        number = np.full(size, -1, dtype=np.int32)
+        number[tuple(place.T)] = np.arange(len(place))
+        grid = cls(origin, spacing, number, origin + spacing * place)
+        return grid, grid._between(vertex, weight)
+
+    def interpolate(self, points: np.ndarray) -> Interpolation:
+        """Weights of the grid's vertices at points inside its cells [mm], shape (points, 3)."""
+        size = np.array(self.number.shape)
+        cell, weight = weights(points, self.origin, self.spacing, size - 2)
+        return self._between(_corners(cell, size), weight)
+
+    def _between(self, corner: np.ndarray, weight: np.ndarray) -> Interpolation:
+        """The interpolation by corners in the grid's box and their weights, both of shape (8, points)."""
+        vertex = self.number.ravel().take(corner)
+        weight[vertex < 0] = 0.0
+        return Interpolation(
+            vertex=np.ascontiguousarray(np.maximum(vertex, 0).T),
+            weight=np.ascontiguousarray(weight.T),
+            vertices=len(self.positions),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Interpolation:
+    """Weights of the grid vertices around each point."""
+
+    vertex: np.ndarray
+    """Vertices of the cell a point lies in, shape (points, 8), int32."""
+    weight: np.ndarray
+    """Their trilinear weights, 0 for a vertex left out, shape (points, 8)."""
+    vertices: int
+    """Number of vertices of the grid."""
+
+    @cached_property
+    def by_vertex(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The same by vertex.
+
+        That is: its first entry in the two other arrays (vertices + 1,), int32, the points that it reaches,
+        ascending, int32, and their weights.
+        """
+        entry = np.flatnonzero(self.weight.ravel() > 0.0)
+        number = self.vertex.ravel()[entry]
+        short = number.astype(np.uint16) if self.vertices <= 1 << 16 else number  # sorted much faster
+        entry = entry[np.argsort(short, kind="stable")]
+        count = np.bincount(number, minlength=self.vertices)
+        row_start = np.concatenate([[0], np.cumsum(count)]).astype(np.int32)
+        return row_start, (entry // 8).astype(np.int32), self.weight.ravel()[entry]
+
+
+def weights(
+    points: np.ndarray, origin: np.ndarray, spacing: float, last_cell: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """The cell of each point, (3, points), and the weights of its corners, (8, points)."""
+    place = np.ascontiguousarray(((points - origin) / spacing).T)
+    cell = np.floor(place).astype(np.int64)
+    if last_cell is not None:
+        cell = np.minimum(cell, last_cell[:, None])
+    upper = place - cell
+    x, y, z = np.stack([1.0 - upper, upper], axis=1)  # of the lower and the upper corner along each axis
+    return cell, np.stack([x[i] * y[j] * z[k] for i, j, k in OFFSETS])
+
+
+def _corners(cell: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """The corners of cells (3, cells) in the box of a grid, in C order, shape (8, cells)."""
+    strides = np.array([size[1] * size[2], size[2], 1])
+    return (OFFSETS @ strides)[:, None] + strides @ cell
+
+
+def find_spacings(points: np.ndarray) -> list[float]:
+    """Spacings of the grids over points (points, 3), finest first, each twice the one before [mm]."""
+    coarsest = float(np.ptp(points, axis=0).max(initial=1e-6))
+    most = min(DENSE_CELLS, len(points) / 8)
+    along = np.ascontiguousarray((points - points.min(axis=0)).T)
+    while occupied_cells(along, coarsest / 1.1) <= most:
+        coarsest /= 1.1
+    quarter = 0.25 * coarsest
+    node_distance = quarter * (occupied_cells(along, quarter) / len(points)) ** (1.0 / 3.0)
+    spacings = [coarsest]
+    while 0.5 * spacings[0] >= FINEST_SPACING * node_distance:
+        spacings.insert(0, 0.5 * spacings[0])
+    return spacings
+
+
+def occupied_cells(along: np.ndarray, spacing: float) -> int:
+    """Number of cells of a regular grid that hold a point, by its distance along each axis, (3, points)."""
+    cells = (along / spacing).astype(np.int64)
+    size = cells.max(axis=1) + 1
+    occupied = np.zeros(size.prod(), dtype=bool)
+    occupied[(cells[0] * size[1] + cells[1]) * size[2] + cells[2]] = True
+    return int(np.count_nonzero(occupied))
+
+
+class NodeGroups:
+    """The groups of nodes that stiff links tie: the preconditioner inverts their block as a whole.
+
+    Flat and thin tetrahedra tie nodes to each other. Their common motion is soft beside that: their own blocks do
+    not show it, and a grid does not reach it. What ties them is the shape of the mesh, so the groups of the trunk
+    at rest serve every increment; their blocks are those of the matrix that holds."""
+
+    members: list[list[int]]
+    """The nodes of each group, ascending."""
+
+    def __init__(self, matrix: BlockMatrix) -> None:
+        """Ties the nodes by the matrix as it is."""
+        self._model = model = matrix.model
+        columns, size = matrix.columns.numpy(), model.free_nodes
+        rows = np.repeat(np.arange(size), np.diff(matrix.row_start.numpy()).astype(np.int64))
+        upper = np.flatnonzero(columns >= rows)
+        rows, columns = rows[upper], columns[upper]
+        self.members = groups = tie(rows, columns, matrix.blocks.numpy()[upper], size)
+        count = np.array([len(group) for group in groups], dtype=np.int64)
+        keys, pairs = rows * size + columns, [(a, b) for group in groups for a in group for b in group]
+        one, other = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+        wanted = np.minimum(one, other) * size + np.maximum(one, other)
+        at = np.searchsorted(keys, wanted).clip(0, len(keys) - 1)
+        block_of = np.where(keys[at] == wanted, np.where(one <= other, 1, -1) * (upper[at] + 1), 0)
+        start = 9 * np.cumsum([0, *count**2])
+        self._nodes = np.array([node for group in groups for node in group], dtype=np.int64)
+        self._group_of = np.repeat(np.arange(len(groups)), count)
+        self._where = [model.array(each, wp.int32) for each in (np.cumsum([0, *count]), start, self._nodes)]
+        self._inverse = model.zeros(model.scalar, int(start[-1]))
+        self._kernels, cuda = node_group_kernels(*model.variant), model.parallel.is_cuda
+        self.update: Launch = model.parallel.record(
+            self._kernels.invert,
+            WARP * len(groups) if cuda else len(groups),
+            [*self._where, model.array(block_of, wp.int32), matrix.blocks, matrix.inverse_diagonal],
+            [self._inverse],
+            least=0,
+            loops=not cuda,
+        )
+        """Sets the groups' blocks to those of the matrix as it is, projected, and inverts them."""
+
+    def apply(self, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
+        """Records, on the CPU, the change of z and of r . z by the groups' blocks, after D^-1 of the nodes' own.
+
+        Both are vectors of the free nodes, shape (free nodes,), vec3.
+        """
+        given, changed = [*self._where, self._inverse, r], [z, r_dot_z.iteration, r_dot_z.products]
+        kernel, groups = self._kernels.apply, len(self.members)
+        return self._model.parallel.record(kernel, groups, given, changed, least=0, loops=True)
+
+    def for_cuda(self) -> tuple[int, list[wp.array], list[wp.array]]:
+        """How many nodes are members; what a launch reads to correct them, and writes by member; and what another
+        reads to find the correction of a node."""
+        model, count = self._model, len(self._nodes)
+        member_of = np.full(model.free_nodes, -1)
+        member_of[self._nodes] = np.arange(count)
+        correction = model.zeros(model.vec3, max(count, 1))
+        given = [*self._where, model.array(self._group_of, wp.int32), self._inverse, correction]
+        numbers = view(correction, model.scalar, 3 * len(correction))
+        return count, given, [model.array(member_of, wp.int32), numbers]
+
+
+def tie(rows: np.ndarray, columns: np.ndarray, blocks: np.ndarray, size: int) -> list[list[int]]:
+    """Groups of at most MEMBERS nodes, ascending, by their stiffest links.
+
+    Args:
+        rows: row of each 3x3 block on or above the diagonal of a symmetric matrix, shape (blocks,).
+        columns: its column, shape (blocks,).
+        blocks: the blocks, shape (blocks, 3, 3).
+        size: number of nodes.
+    """
+    norm, diagonal = np.sqrt(np.einsum("bij,bij->b", blocks, blocks)), rows == columns
+    root = np.zeros(size)
+    root[rows[diagonal]] = np.sqrt(np.maximum(norm[diagonal], np.finfo(norm.dtype).tiny))
+    part = norm / (root[rows] * root[columns])
+    stiff = np.flatnonzero((part > STIFF) & ~diagonal)
+    stiff = stiff[np.argsort(-part[stiff], kind="stable")]
+    group_of: dict[int, list[int]] = {}
+    for a, b in zip(rows[stiff].tolist(), columns[stiff].tolist(), strict=True):
+        one, other = group_of.setdefault(a, [a]), group_of.setdefault(b, [b])
+        if one is not other and len(one) + len(other) <= MEMBERS:
+            one += other
+            group_of.update(dict.fromkeys(other, one))
+    return sorted({id(group): sorted(group) for group in group_of.values() if len(group) > 1}.values())

@@ -13,14 +13,13 @@ from dataclasses import replace
 
 import warp as wp
 
-from .history import ROUNDING, History
 from .line_search import search
 from .linear import BlockMatrix, Outcome
 from .model import Model
 from .multigrid import Multigrid
 from .parallel import takes_turns
 from .policy import Action, Plan, Run, decide, decide_end, plan, searched, stretch
-from .relaxation import Relaxation, RelaxOptions, RelaxStatus, RelaxStep
+from .relaxation import ROUNDING, History, Relaxation, RelaxOptions, RelaxStatus, RelaxStep
 from .state import State
 from .work import Work
 

@@ -19,6 +19,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, partial, wraps
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
@@ -35,8 +36,6 @@ from warp_trunk.kernels.synchronization import (
     serve_kernel,
 )
 from warp_trunk.kernels.vectors import slab_gatherer
-
-from .cores import usable_cores
 
 Launch = Callable[[], None]
 """A recorded launch, to call many times."""
@@ -84,6 +83,54 @@ def choose_threads(threads: int) -> int:
     if not 0 <= threads <= MOST_THREADS:
         raise InputError(f"threads: must be 0 (all cores) to {MOST_THREADS}, not {threads}")
     return threads or usable_cores()
+
+
+GROUPS = Path("/proc/self/cgroup")
+"""The control groups of this process."""
+ROOT = Path("/sys/fs/cgroup")
+"""Where control groups are mounted."""
+
+
+def usable_cores() -> int:
+    """The cores that this process may run on, at most the quota of its container in whole cores, at least one."""
+    return max(1, math.ceil(min(len(os.sched_getaffinity(0)), quota(GROUPS, ROOT))))
+
+
+def quota(groups: Path, root: Path) -> float:
+    """The least quota of the control groups of a process and those above them, in cores; infinite where none is.
+
+    Args:
+        groups: the file of its groups, lines `number:controllers:path`; version 2 has one without controllers.
+        root: where the groups are mounted; inside a container that is often the process's own group.
+    """
+    try:
+        lines = [line.split(":", 2) for line in groups.read_text().splitlines()]
+    except OSError:
+        return math.inf
+    least = math.inf
+    for _, controllers, path in (line for line in lines if len(line) == 3):
+        if controllers == "":
+            mount, names = root, ("cpu.max",)
+        elif "cpu" in controllers.split(","):
+            mount, names = root / controllers, ("cpu.cfs_quota_us", "cpu.cfs_period_us")
+            mount = mount if mount.is_dir() else root / "cpu"
+        else:
+            continue
+        inside = mount / path.strip("/")
+        for folder in (inside, *inside.parents):
+            least = min(least, _quota_of(folder, names))
+            if folder == mount:
+                break
+    return least
+
+
+def _quota_of(folder: Path, names: tuple[str, ...]) -> float:
+    """The quota of one group, in cores."""
+    try:
+        allowed, period = map(float, " ".join((folder / name).read_text() for name in names).split())
+    except (OSError, ValueError):  # no such group, or `max`
+        return math.inf
+    return allowed / period if allowed > 0.0 and period > 0.0 else math.inf
 
 
 class Parallel:
