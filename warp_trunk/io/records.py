@@ -99,9 +99,9 @@ def check_fields(record: object, what: str) -> None:
 
 
 @cache
-def _declared(kind: type) -> tuple[dict[str, msgspec.Meta], dict[str, tuple[str, ...]]]:
+def _declared(kind: type) -> tuple[dict[str, Any], dict[str, tuple[str, ...]]]:
     """The bounds and the words of the fields of a dataclass, by their types."""
-    bounds, words = {}, {}
+    bounds, words = dict[str, Any](), dict[str, tuple[str, ...]]()
     for name, hint in get_type_hints(kind, include_extras=True).items():
         for part in (hint, *get_args(hint)):
             if get_origin(part) is Literal:
@@ -114,9 +114,10 @@ def _declared(kind: type) -> tuple[dict[str, msgspec.Meta], dict[str, tuple[str,
 def _check_keys(value: Any, kind: Any, where: Path | str, prefix: str) -> None:
     """InputError for an unknown key at any depth and for a word that is not known, each with the nearest."""
     for one in getattr(kind, "types", (kind,)):
-        if isinstance(one, msgspec.inspect.LiteralType) and isinstance(value, str) and value not in one.values:
-            hint = nearest(value, one.values)
-            raise InputError(f"{where}: '{prefix}' must be {' or '.join(one.values)}, not {value!r}{hint}")
+        words = getattr(one, "values", ())  # of a Literal
+        if words and isinstance(value, str) and value not in words:
+            rule = f"must be {' or '.join(words)}, not {value!r}{nearest(value, words)}"
+            raise InputError(f"{where}: '{prefix}' {rule}; give one of them")
         if isinstance(value, list) and hasattr(one, "item_type"):
             for row in value:
                 _check_keys(row, one.item_type, where, prefix)
@@ -142,7 +143,7 @@ def _fault(error: msgspec.ValidationError, table: Any) -> str:
     rule, _, place = str(error).removesuffix("`").partition(" - at `$")
     place = place.removeprefix(".")
     name = f"'{place}' " if place else ""
-    value = table
+    value: Any = table
     for key in re.findall(r"[^.\[\]]+", place):
         value = value[int(key)] if isinstance(value, list) else value.get(key) if isinstance(value, dict) else None
     if lacking := re.search("missing required field `(.*)`", rule):
