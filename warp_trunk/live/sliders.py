@@ -13,6 +13,7 @@ import numpy as np
 import viser
 
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, PlannedSurgery, Planner
+from warp_trunk.bone_motion.plan.targets import curve_around
 from warp_trunk.bone_motion.skeleton import Skeleton
 from warp_trunk.case import Case, write_case
 from warp_trunk.case.anatomy import rank
@@ -191,12 +192,10 @@ class SpineSliders:
 
     def _shares(self, plan: Plan) -> dict[str, int]:
         """The values of the sliders of each curve that a plan names by any of its levels."""
-        rows, found = {name: row for row, name in enumerate(self._levels)}, {}
+        found: dict[str, int] = {}
         for asked in plan.curves:
-            at = rows.get(asked.apex, -1)
-            around = [c for c in self._curves.values() if rows[c.upper] <= at <= rows[c.lower]]
-            if around:
-                curve = min(around, key=lambda c: abs(rows[c.apex] - at))
+            curve = curve_around(asked.apex, self._curves.values(), self._levels)
+            if curve is not None:
                 turned = abs(self._rotation[curve.apex] or 0.0)
                 found[f"correction {curve.apex}"] = _percent(asked.correction, asked.cobb_after, curve.angle)
                 found[f"derotation {curve.apex}"] = _percent(asked.derotation, asked.rotation_after, turned)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import methodcaller
 from typing import TYPE_CHECKING
@@ -106,13 +106,26 @@ def _correction(asked: CurvePlan, angle: float) -> float:
     return asked.correction or 0.0
 
 
+def curve_around(level: str, curves: Iterable[CobbAngle], levels: Sequence[str]) -> CobbAngle | None:
+    """The curve that a level lies in, of two that with the nearer apex; None where it lies in none.
+
+    Args:
+        level: the vertebra.
+        curves: those of the spine.
+        levels: the vertebrae, top to bottom.
+    """
+    rows = {name: row for row, name in enumerate(levels)}
+    row = rows.get(level, -1)
+    around = [curve for curve in curves if rows[curve.upper] <= row <= rows[curve.lower]]
+    return min(around, key=lambda curve: abs(rows[curve.apex] - row), default=None)
+
+
 def _curve_at(apex: str, curves: tuple[CobbAngle, ...], levels: tuple[str, ...]) -> CobbAngle:
-    row = levels.index(apex) if apex in levels else -1
-    around = [c for c in curves if row >= 0 and levels.index(c.upper) <= row <= levels.index(c.lower)]
-    if not around:
+    found = curve_around(apex, curves, levels)
+    if found is None:
         known = ", ".join(f"{c.upper} to {c.lower} with apex {c.apex}" for c in curves) or "none of 10 degrees"
         raise InputError(f"curve {apex}: {apex} is in no curve of this spine, which has {known}; name an apex")
-    return min(around, key=lambda c: abs(levels.index(c.apex) - row))
+    return found
 
 
 def targets_of(chain: SpineChain, plan: Plan, curves: tuple[Curve, ...]) -> list[Target]:
