@@ -52,6 +52,15 @@ def test_on_the_way_a_claim_needs_a_solve_that_ended() -> None:
     assert decide(run, plan(run), solved(math.inf, outcome=Outcome.UNSOUND)) is Action.STALLED
 
 
+def test_few_iterations_are_expected_of_the_first_solve_from_near_the_last_end() -> None:
+    run = Run(1.0, reuse=True)
+    assert (plan(run).short, plan(run).fresh) == (True, False)
+    assert decide(run, plan(run), solved(5.0)) is Action.SEARCH
+    searched(run, 1.0)
+    assert not plan(run).short
+    assert not plan(Run(1.0)).short
+
+
 def test_negative_curvature_is_avoided_far_away_and_followed_near_the_end() -> None:
     run = Run(0.1, confirm=True, try_true=True, distance=8.0)
     down = solved(3.0, outcome=Outcome.NEGATIVE_CURVATURE)
