@@ -87,12 +87,18 @@ def enclosed_area(loop: np.ndarray) -> float:
 
 
 def encloses(loop: np.ndarray, point: np.ndarray) -> bool:
-    """Whether a loop (k, 2) goes round a point (2,): a ray from there crosses it an odd number of times."""
-    x, y = (loop - point).T
-    after_x, after_y = np.roll(x, -1), np.roll(y, -1)
-    crossing = (y < 0.0) != (after_y < 0.0)
-    x, y, after_x, after_y = x[crossing], y[crossing], after_x[crossing], after_y[crossing]
-    return bool(np.count_nonzero(x - y * (after_x - x) / (after_y - y) > 0.0) % 2)
+    """Whether a loop (k, 2) goes round a point (2,)."""
+    return bool(inside(point[None], loop, np.roll(loop, -1, axis=0))[0])
+
+
+def inside(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Which points (n, 2) a ray to the right leaves across an odd number of the edges from start to end, (k, 2)
+    each, of closed outlines; bool, shape (n,)."""
+    x, y = points.T[:, :, None]
+    (x0, y0), (x1, y1) = start.T, end.T
+    with np.errstate(divide="ignore", invalid="ignore"):  # of edges that no such ray crosses
+        right = x < x0 + (y - y0) * (x1 - x0) / (y1 - y0)
+    return np.count_nonzero(right & ((y0 > y) != (y1 > y)), axis=1) % 2 == 1
 
 
 def _cut(surface: Surface, planes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import coarsen
+from warp_trunk.geometry.section import inside
 from warp_trunk.geometry.surface import Surface, compact, directed_edges, side_lengths, vertex_normals
 from warp_trunk.geometry.surface_checks import (
     boundary_edges,
@@ -184,18 +185,18 @@ def _cap(
     ids = np.unique(rim)
     flat = (vertices[ids] - np.array(plane.point)) @ frame
     edges = np.searchsorted(ids, rim)
-    lattice = _lattice(flat, edge_length)
+    ends, lattice = flat[edges.T], _lattice(flat, edge_length)
     # a triangulation keeps an edge when no point lies in its circumcircle
     half = 0.5 * np.linalg.norm(flat[edges[:, 0]] - flat[edges[:, 1]], axis=1)
     distance, edge = KDTree(flat[edges].mean(axis=1)).query(lattice, k=min(4, len(edges)))
     clear = (distance > np.maximum(1.1 * half[edge], _CLEAR * edge_length)).all(axis=1)
-    lattice = lattice[clear & _inside(lattice, flat, edges)]
+    lattice = lattice[clear & inside(lattice, *ends)]
     points = np.concatenate([flat, lattice])
     triangles = Delaunay(points).simplices
     corners = points[triangles]
     turned = np.linalg.det(corners[:, 1:] - corners[:, :1]) < 0.0
     triangles[turned] = triangles[turned][:, ::-1]
-    triangles = triangles[_inside(corners.mean(axis=1), flat, edges)]
+    triangles = triangles[inside(corners.mean(axis=1), *ends)]
     if not np.array_equal(np.unique(boundary_edges(triangles), axis=0), np.unique(edges, axis=0)):
         return None
     numbers = np.concatenate([ids, len(vertices) + np.arange(len(lattice))])
@@ -210,16 +211,6 @@ def _lattice(points: np.ndarray, edge_length: float) -> np.ndarray:
     x, y = np.meshgrid(columns, rows)
     x[1::2] += 0.5 * edge_length
     return np.column_stack([x.reshape(-1), y.reshape(-1)])
-
-
-def _inside(points: np.ndarray, corners: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Which points (n, 2) a line to the right leaves across an odd number of edges; bool."""
-    inside = np.zeros(len(points), dtype=bool)
-    x, y = points.T
-    for (x0, y0), (x1, y1) in corners[edges]:
-        spans = (y0 > y) != (y1 > y)
-        inside[spans] ^= x[spans] < x0 + (y[spans] - y0) * (x1 - x0) / (y1 - y0)
-    return inside
 
 
 MOST_CHANGE = 0.005
