@@ -133,21 +133,17 @@ def _margins(six: np.ndarray, up: np.ndarray, left: np.ndarray) -> np.ndarray:
     axis, sideways = _unit(superior - inferior), _unit(across)
     pedicles, half = six[..., 2:, :].mean(axis=-2), 0.5 * np.linalg.norm(across, axis=-1)
     margins = [
-        _dot(superior - inferior, up),
-        _dot(left_upper - left_lower, axis),
-        _dot(right_upper - right_lower, axis),
-        _dot(across, to_left),
-        _dot(left_upper - right_upper, to_left),
-        _dot(left_lower - right_lower, to_left),
-        _dot(pedicles - 0.5 * (superior + inferior), np.cross(axis, sideways)),
-        half - np.abs(_dot(superior - pedicles, sideways)),
-        half - np.abs(_dot(inferior - pedicles, sideways)),
+        np.vecdot(superior - inferior, up),
+        np.vecdot(left_upper - left_lower, axis),
+        np.vecdot(right_upper - right_lower, axis),
+        np.vecdot(across, to_left),
+        np.vecdot(left_upper - right_upper, to_left),
+        np.vecdot(left_lower - right_lower, to_left),
+        np.vecdot(pedicles - 0.5 * (superior + inferior), np.cross(axis, sideways)),
+        half - np.abs(np.vecdot(superior - pedicles, sideways)),
+        half - np.abs(np.vecdot(inferior - pedicles, sideways)),
     ]
     return np.stack(margins, axis=-1)
-
-
-def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.sum(a * b, axis=-1)
 
 
 def _unit(a: np.ndarray) -> np.ndarray:
