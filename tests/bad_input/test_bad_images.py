@@ -141,7 +141,7 @@ ROWS: list[tuple[Any, ...]] = [
     ("a cut beside the body", lambda f: None, ["--cut-above", "900"], "nothing of the body lies beyond"),
     ("an edge of no length", lambda f: None, ["--edge-length", "0"], "must be a number from 2 to 20 mm, not 0"),
     ("a posture that is none", lambda f: None, ["--posture", "sitting"],
-     "'sitting' for argument '--posture'", "'supine', 'prone', 'standing'"),
+     "'sitting' for argument '--posture'", "'standing', 'supine', 'prone'"),
 ]
 # fmt: on
 
