@@ -83,8 +83,8 @@ def errors_of_invented(whole: Case, fitted: Case) -> dict[str, float]:
     """Root mean square errors of ribs, turn of vertebrae and pelvis, and unseen skin."""
     ribs = [name for name in whole.bones.keys() & fitted.bones.keys() if name.startswith("rib_")]
     off = [SurfaceDistance(whole.bones[name]).at(fitted.bones[name].vertices) for name in ribs]
-    before = (fitted.landmarks_before, whole.landmarks_before)
-    turn = [np.subtract(*(turn_of(marks, level) for marks in before)) for level in VERTEBRAE]
+    found, known = fitted.landmarks_before, whole.landmarks_before
+    turn = [turn_of(found, level) - turn_of(known, level) for level in VERTEBRAE]
     assert fitted.unseen is not None
     low = fitted.skin.vertices[fitted.unseen]
     low = low[low[:, 2] < whole.landmarks_before.point("T1_superior_endplate")[2]]
