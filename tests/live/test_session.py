@@ -67,6 +67,13 @@ def patient() -> PreparedPatient:
     return small_patient()
 
 
+def wait_for(filled: list) -> None:
+    """Waits until another thread has put something into a list."""
+    end = time.monotonic() + WAIT
+    while not filled and time.monotonic() < end:
+        time.sleep(0.01)
+
+
 def check_end(view: PlanView, alone: PreparedPatient) -> np.ndarray:
     """The view of a plan is that of a simulation on its own; returns how that moves the nodes."""
     planned = view.surgery.planned_case(alone.case)
@@ -174,9 +181,7 @@ def test_a_fault_of_the_program_is_reported(patient: PreparedPatient, monkeypatc
     with Heard(patient) as session:
         monkeypatch.setattr(session.sliders, "surgery", broken)
         session.ask(session.corrected(1))
-        end = time.monotonic() + WAIT
-        while not session.faults and time.monotonic() < end:
-            time.sleep(0.01)
+        wait_for(session.faults)
     assert session.faults == ["ZeroDivisionError: as if"]
 
 
@@ -186,9 +191,7 @@ def test_another_plan_is_relaxed_beside_that_of_the_sliders(patient: PreparedPat
         wish = session.corrected(50)
         session.settled(session.corrected(10))
         session.relax_beside(SpineSliders(patient.case).surgery(wish), beside.append)
-        end = time.monotonic() + WAIT
-        while not beside and time.monotonic() < end:
-            time.sleep(0.01)
+        wait_for(beside)
         alone = session.settled(wish)
     assert beside[0].settled
     assert beside[0].measures is not None

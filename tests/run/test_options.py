@@ -1,42 +1,30 @@
 """Defaults of options."""
 
-from typing import Any, Literal
+from typing import Any
 
 import pytest
 
 import warp_trunk as wt
 from support.refusals import refuses
 from support.small_case import small_case
-from warp_trunk.engine.energies.by_name import EnergyName, WeightsName
 from warp_trunk.run.options import SKIN_RIGIDITY, RunOptions, parameters
 
-Bones = Literal["spline", "follow"]
-
 
 @pytest.mark.parametrize(
-    ("bones", "weights", "energy", "taken"),
+    ("given", "energy", "rigidity"),
     [
-        ("spline", "count", None, "itmsm"),
-        ("follow", "count", None, "neo-hookean"),
-        ("follow", "volume", None, "itmsm"),
+        ({"bones": "spline"}, "itmsm", 0.0),
+        ({"bones": "follow"}, "neo-hookean", SKIN_RIGIDITY),
+        ({"bones": "follow", "weights": "volume"}, "itmsm", SKIN_RIGIDITY),
+        ({"bones": "follow", "skin_rigidity": 0.0}, "neo-hookean", 0.0),
+        ({"bones": "spline", "skin_rigidity": 0.2}, "itmsm", 0.2),
     ],
 )
-def test_the_energy_goes_by_how_bones_move(
-    bones: Bones, weights: WeightsName, energy: EnergyName | None, taken: EnergyName
-) -> None:
-    options = RunOptions(bones=bones, weights=weights, energy=energy)
-    assert options.energy_of_tissue == taken
-    assert parameters(options)["energy"] == taken
-
-
-@pytest.mark.parametrize(
-    ("bones", "given", "taken"),
-    [("spline", None, 0.0), ("follow", None, SKIN_RIGIDITY), ("follow", 0.0, 0.0), ("spline", 0.2, 0.2)],
-)
-def test_the_skin_is_stiff_where_ribs_follow(bones: Bones, given: float | None, taken: float) -> None:
-    options = RunOptions(bones=bones, skin_rigidity=given)
-    assert options.rigidity_of_skin == taken
-    assert parameters(options)["skin_rigidity"] == taken
+def test_energy_and_stiff_skin_go_by_how_bones_move(given, energy, rigidity) -> None:
+    options = RunOptions(**given)
+    taken = parameters(options)
+    assert options.energy_of_tissue == taken["energy"] == energy
+    assert options.rigidity_of_skin == taken["skin_rigidity"] == rigidity
 
 
 def test_the_rigidity_is_that_of_skin_2_mm_thick_by_torsion() -> None:
