@@ -148,17 +148,11 @@ RESTRICT = """
     wp::int32 k = row_start.data[first];
     for (wp::int32 v = first; v < end; ++v) {
         const wp::int32 last = row_start.data[v + 1];
-        four even = {0, 0, 0, 0}, odd = even;  // two sums, because an addition waits for the one before it
-        for (; k + 1 < last; k += 2) {
-            even += w[k] * three(x + 3 * at[k]);
-            odd += w[k + 1] * three(x + 3 * at[k + 1]);
-        }
-        if (k < last) even += w[k] * three(x + 3 * at[k]);
-        k = last;
-        even += odd;
-        y[3 * v] = even[0];
-        y[3 * v + 1] = even[1];
-        y[3 * v + 2] = even[2];
+        four sum = {0, 0, 0, 0};
+        for (; k < last; ++k) sum += w[k] * three(x + 3 * at[k]);
+        y[3 * v] = sum[0];
+        y[3 * v + 1] = sum[1];
+        y[3 * v + 2] = sum[2];
     }
 """
 
@@ -197,19 +191,15 @@ DENSE = """
     const auto at = [&](long k) { return __builtin_convertvector(number[k], eight); };
     // a strip of 16 rows: their sums stay in registers while the columns are read one after the other
     for (wp::int32 b = first; b < end; ++b, number += 2 * (long)size) {
-        eight low[2] = {0, 0}, high[2] = {0, 0};
-        for (wp::int32 k = 0; k < size; k += 2) {
-            for (int odd = 0; odd < 2; ++odd) {
-                const real v = s[k + odd] * x[k + odd];
-                low[odd] += at(2 * (k + odd)) * v;
-                high[odd] += at(2 * (k + odd) + 1) * v;
-            }
+        eight low = 0, high = 0;
+        for (wp::int32 k = 0; k < size; ++k) {
+            const real v = s[k] * x[k];
+            low += at(2 * k) * v;
+            high += at(2 * k + 1) * v;
         }
-        low[0] += low[1];
-        high[0] += high[1];
         for (int l = 0; l < 8; ++l) {
-            solution.data[16 * b + l] = s[16 * b + l] * low[0][l];
-            solution.data[16 * b + 8 + l] = s[16 * b + 8 + l] * high[0][l];
+            solution.data[16 * b + l] = s[16 * b + l] * low[l];
+            solution.data[16 * b + 8 + l] = s[16 * b + 8 + l] * high[l];
         }
     }
 """
@@ -300,7 +290,7 @@ def cpu_grid_kernels(scalar: type) -> SimpleNamespace:
         residual: wp.array(dtype=scalar),
         solution: wp.array(dtype=scalar),
     ):
-        """S A S r of strips, A in parts of `WHOLE`: of each strip column after column; `size` is even."""
+        """S A S r of strips, A in parts of `WHOLE`: of each strip column after column."""
         dense_rows(first, end, size, inverse, scale, residual, solution)
 
     return SimpleNamespace(restrict=restrict_kernel, prolong=prolong_kernel, dense=dense_kernel)

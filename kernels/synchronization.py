@@ -10,12 +10,6 @@ LINE = 8
 """Numbers of 64 bits in a cache line: two threads that write to the same line wait for each other."""
 BOARD_SIZE = 6 * LINE
 """Numbers of the board that a team shares; see `BOARD`."""
-STEP_SIZE = 3
-"""Numbers of a step before its parts: whether the threads meet at its end; the address of the flag that sends them
-back, or 0; and the step they go back to."""
-PART_SIZE = 3
-"""Numbers of a part of a step: the addresses of a kernel, its launch bounds and its arguments; 0 where a thread
-has none."""
 
 BOARD = """
     typedef wp::int32 word;
@@ -57,7 +51,11 @@ BOARD = """
         }
     };
 """
-"""The variables that the threads share, and how each runs its parts of a program."""
+"""The variables that the threads share, and how each runs its parts of a program.
+
+A step has three numbers before its parts: whether the threads meet at its end; the address of the flag that sends
+them back, or 0; and the step they go back to. A part has three: the addresses of a kernel, its launch bounds and
+its arguments; 0 where a thread has none."""
 
 CALL = """
     job[0] = (long)program;

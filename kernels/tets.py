@@ -253,13 +253,6 @@ TRANSPOSE = f"""
 """
 """`keep` stores eight numbers of every lane beside each other, as run k of what is kept of that lane."""
 
-PREFETCH = f"""
-        for (int l = {LANES}; l < 2 * {LANES} && t + l < end; ++l)
-            for (int k = 0; k < {len(PAIRS)}; ++k)
-                __builtin_prefetch(out + 9 * (long)(place_of.data[t + l].c[k] / 2), 1);
-"""
-"""Asks for the blocks of the next tetrahedra while those of these are computed."""
-
 SCATTER_BLOCKS = f"""
         for (int l = 0; l < count; ++l) {{
             const real* ninth = (const real*)(kept[l] + {BLOCKS});
@@ -368,7 +361,6 @@ def hessian_code(formulas: TetFormulas, *, positive: bool) -> str:
             TRANSPOSE,
             BEGIN,
             elements.windows(),
-            PREFETCH,
             lines,
             *(f"keep({k // LANES}, {', '.join(names[k : k + LANES])});" for k in range(0, len(names), LANES)),
             SCATTER_BLOCKS,

@@ -132,9 +132,9 @@ def slab_gatherer(scalar: type) -> wp.Kernel:
     return gather_kernel
 
 
-SLOPE, GRADIENT_SQUARED, DIRECTION_SQUARED, GRADIENT_CHANGE, PREVIOUS_SLOPE, PREVIOUS_SQUARED = range(6)
+SLOPE, PREVIOUS_SLOPE, DIRECTION_SQUARED = range(3)
 """Columns of the products."""
-PRODUCTS = 6
+PRODUCTS = 3
 """Their number."""
 LEAST = wp.constant(wp.float64(1e-12))
 """The least part of a diagonal element that a Cholesky factor leaves."""
@@ -173,19 +173,14 @@ def vector_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         previous: wp.array(dtype=vec3),
         products: wp.array(dtype=wp.float64, ndim=2),
     ):
-        """Products of the gradient with itself, with the direction and with an earlier gradient."""
+        """Products of the direction with the gradient, with an earlier gradient and with itself."""
         i = first + wp.tid()
         found = products_type()
         if i < end:
-            g = gradient[i]
             d = direction[i]
-            old = previous[i]
-            found[SLOPE] = wp.float64(wp.dot(g, d))
-            found[GRADIENT_SQUARED] = wp.float64(wp.dot(g, g))
+            found[SLOPE] = wp.float64(wp.dot(gradient[i], d))
+            found[PREVIOUS_SLOPE] = wp.float64(wp.dot(previous[i], d))
             found[DIRECTION_SQUARED] = wp.float64(wp.dot(d, d))
-            found[GRADIENT_CHANGE] = wp.float64(wp.dot(g, g - old))
-            found[PREVIOUS_SLOPE] = wp.float64(wp.dot(old, d))
-            found[PREVIOUS_SQUARED] = wp.float64(wp.dot(old, old))
         add(products, slab, 0, found)
 
     @wp.kernel(module=module, enable_backward=False)

@@ -167,8 +167,6 @@ class CpuLevels:
     """A of the inverse S A S on the coarsest grid, in parts of WHOLE, with ones on its diagonal: strip after strip
     of STRIP rows, each column after column, int16. A preconditioner needs no more digits, and the product is
     limited by the reading of the matrix."""
-    columns: int
-    """Of that matrix, filled up to an even number."""
 
     def __init__(
         self, model: Model, levels: Sequence[_Level], inverse: np.ndarray, node_bounds: np.ndarray
@@ -179,15 +177,15 @@ class CpuLevels:
         """
         self._model, self._grids = model, levels
         self._node_bounds, self._ranges = node_bounds, len(node_bounds) - 1
-        size = len(inverse)
-        rows, self.columns = -(-size // STRIP) * STRIP, size + size % 2
+        self._size = size = len(inverse)
+        rows = -(-size // STRIP) * STRIP
         root = np.sqrt(np.maximum(np.diagonal(inverse), np.finfo(np.float32).tiny))
-        numbers = np.zeros((rows, self.columns), dtype=np.int16)
-        numbers[:size, :size] = np.rint(inverse * (KEPT * WHOLE / root)[:, None] / root)
-        np.fill_diagonal(numbers[:size, :size], WHOLE)
+        numbers = np.zeros((rows, size), dtype=np.int16)
+        numbers[:size] = np.rint(inverse * (KEPT * WHOLE / root)[:, None] / root)
+        np.fill_diagonal(numbers, WHOLE)
         scale = np.zeros(rows)
         scale[:size] = root / math.sqrt(WHOLE)
-        strips = numbers.reshape(-1, STRIP, self.columns).transpose(0, 2, 1)
+        strips = numbers.reshape(-1, STRIP, size).transpose(0, 2, 1)
         self.strips, self._scale = model.array(strips.ravel(), wp.int16), model.array(scale, model.scalar)
 
     def apply(self, inverse_diagonal: wp.array, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
@@ -217,7 +215,7 @@ class CpuLevels:
         """Records the product with the inverse; both are of shape (n + STRIP,), vec3, of which n count."""
         model = self._model
         x, y = (view(vectors, model.scalar, 3 * len(vectors)) for vectors in (residual, solution))
-        given, strips = [self.columns, self.strips, self._scale, x], len(self._scale) // STRIP
+        given, strips = [self._size, self.strips, self._scale, x], len(self._scale) // STRIP
         return self._record(
             cpu_grid_kernels(model.scalar).dense, np.linspace(0, strips, self._ranges + 1), given, [y]
         )

@@ -130,16 +130,10 @@ class Products:
 
     slope: float
     """g . d, the derivative of the energy along the direction."""
-    gradient_squared: float
-    """g . g."""
-    direction_squared: float
-    """d . d."""
-    gradient_change: float
-    """g . (g - the earlier g)."""
     previous_slope: float
     """(the earlier g) . d."""
-    previous_squared: float
-    """(the earlier g) squared."""
+    direction_squared: float
+    """d . d."""
 
 
 class ProductReader:

@@ -92,6 +92,6 @@ def test_it_stays_positive_in_16_bits() -> None:
     assert np.linalg.eigvalsh(half[:, :grid].astype(float))[0] > 0.0
     model = model_of(block((2, 2, 2)), threads=1, precision="float32")
     levels = CpuLevels(model, [], inverse, model.parallel.split(model.free_nodes))
-    strips = levels.strips.numpy().reshape(-1, levels.columns, STRIP)
-    numbers = strips.transpose(0, 2, 1).reshape(-1, levels.columns)
+    strips = levels.strips.numpy().reshape(-1, grid, STRIP)
+    numbers = strips.transpose(0, 2, 1).reshape(-1, grid)
     assert np.linalg.eigvalsh(numbers[:grid, :grid].astype(float))[0] > 0.0

@@ -47,5 +47,5 @@ def test_inverts_nothing_and_stops_at_its_bound() -> None:
 
 def test_a_spectral_length_is_the_newton_step_of_a_constant_curvature() -> None:
     """E = 3/2 x^2 from x = 1, whose gradient is 3, by a step of 0.1: the next one leads to the minimum."""
-    products = Products(2.1 * -3.0, 2.1**2, 9.0, 2.1 * -0.9, -9.0, 9.0)
+    products = Products(slope=2.1 * -3.0, previous_slope=-9.0, direction_squared=9.0)
     assert spectral_length(0.1, products) == pytest.approx(1.0 / 3.0)

@@ -11,7 +11,7 @@ from warp_trunk.engine.state import Products
 
 
 def trial(length: float, energy: float, slope: float, forbidden: int = 0) -> Trial:
-    products = Products(slope, slope**2, 1.0, 0.0, 0.0, 0.0)
+    products = Products(slope, 0.0, 1.0)
     return Trial(length, Energy({"distance": energy}), forbidden, forbidden, products)
 
 
