@@ -18,7 +18,7 @@ from .linear import BlockMatrix, Outcome
 from .model import Model
 from .multigrid import Multigrid
 from .parallel import takes_turns
-from .policy import Action, Plan, Run, decide, decide_end, plan, searched, stretch
+from .policy import Action, Plan, Run, decide, decide_claim, decide_end, plan, searched, stretch
 from .relaxation import ROUNDING, History, Relaxation, RelaxOptions, RelaxStatus, RelaxStep
 from .state import State
 from .work import Work
@@ -108,6 +108,11 @@ class Relaxer:
         for _step in range(self.options.max_steps):
             # Solve: the direction to the equilibrium, and how far that is.
             action, iterations = find_direction(work, run, planned)
+            if action is Action.CONVERGED:
+                slope, trial = work.products().slope, work.attempt(1.0)
+                history.evaluations += 1
+                fall = history.energy.total - trial.energy.total
+                action = decide_claim(slope, trial.products.slope, fall, history.rounding)
             history.solved(run.distance, iterations)
             if action is Action.CONVERGED:
                 return history.end(RelaxStatus.CONVERGED, run.distance)

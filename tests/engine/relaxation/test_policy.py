@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from warp_trunk.engine.linear import LinearSolution, Outcome
-from warp_trunk.engine.policy import Action, Phase, Run, decide, decide_end, plan, searched
+from warp_trunk.engine.policy import Action, Phase, Run, decide, decide_claim, decide_end, plan, searched
 
 
 def solved(
@@ -88,6 +88,12 @@ def test_the_end_is_claimed_only_with_noise_and_by_the_chance() -> None:
     assert decide_end(run, solved(0.001), math.inf) is Action.STALLED
     assert decide_end(run, solved(0.001, outcome=Outcome.EXHAUSTED), 1.0) is Action.STALLED
     assert decide_end(run, solved(0.001, outcome=Outcome.NEGATIVE_CURVATURE), 1.0) is Action.DESCEND
+
+
+def test_a_step_that_leaves_most_of_its_slope_is_taken_before_a_claim() -> None:
+    assert decide_claim(-1.0, -0.3, fall=0.6, rounding=1e-7) is Action.CONVERGED
+    assert decide_claim(-1.0, -0.6, fall=0.8, rounding=1e-7) is Action.SEARCH
+    assert decide_claim(-1.0, -0.6, fall=0.8, rounding=1.0) is Action.CONVERGED  # slopes of rounding say nothing
 
 
 def test_a_run_begins_with_nothing_of_another() -> None:
