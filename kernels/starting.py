@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import os
+import re
 import shutil
 import struct
 import sys
@@ -54,9 +55,12 @@ def aside_of(cache: Path) -> str:
 def drop_damaged_kernels(cache: Path) -> None:
     """Remove compiled modules whose files are cut off, as by a full disk, so that they are compiled again.
 
-    Object files of processors and of CUDA are both ELF, whose header says where its last table ends.
+    Object files of processors and of CUDA are both ELF, whose header says where its last table ends. Another
+    process may be writing one: it compiles in a folder that its number ends, which is left alone.
     """
     for path in (*cache.glob("wp_*/*.o"), *cache.glob("wp_*/*.cubin")):
+        if re.search(r"_p\d+_t\d+$", path.parent.name):
+            continue
         try:
             with path.open("rb") as file:
                 head = file.read(64)

@@ -15,12 +15,13 @@ def test_compiled_modules_that_are_cut_off_are_removed(keep, tmp_path):
     head[:4] = b"\x7fELF"
     struct.pack_into("<Q", head, 40, 1000 - 2 * 64)  # where the table of sections stands
     struct.pack_into("<HH", head, 58, 64, 2)
-    (tmp_path / "wp_neo_hookean_float32_1").mkdir()
-    (tmp_path / "other").mkdir()
-    for place in ("wp_neo_hookean_float32_1/a.o", "other/a.o"):
+    compiling = "wp_neo_hookean_float32_2_p123_t456"  # by another process
+    for place in ("wp_neo_hookean_float32_1/a.o", f"{compiling}/a.o", "other/a.o"):
+        (tmp_path / place).parent.mkdir()
         (tmp_path / place).write_bytes(bytes(head).ljust(1000, b"\0")[:keep])
     drop_damaged_kernels(tmp_path)
     assert (tmp_path / "wp_neo_hookean_float32_1" / "a.o").exists() == (keep == 1000)
+    assert (tmp_path / compiling / "a.o").exists()
     assert (tmp_path / "other" / "a.o").exists()
 
 
