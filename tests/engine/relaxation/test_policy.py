@@ -91,9 +91,9 @@ def test_the_end_is_claimed_only_with_noise_and_by_the_chance() -> None:
 
 
 def test_a_step_that_leaves_most_of_its_slope_is_taken_before_a_claim() -> None:
-    assert decide_claim(-1.0, -0.3, fall=0.6, rounding=1e-7) is Action.CONVERGED
-    assert decide_claim(-1.0, -0.6, fall=0.8, rounding=1e-7) is Action.SEARCH
-    assert decide_claim(-1.0, -0.6, fall=0.8, rounding=1.0) is Action.CONVERGED  # slopes of rounding say nothing
+    assert decide_claim(-1.0, -0.2, fall=0.6, rounding=1e-7) is Action.CONVERGED
+    assert decide_claim(-1.0, -0.3, fall=0.8, rounding=1e-7) is Action.SEARCH
+    assert decide_claim(-1.0, -0.3, fall=0.8, rounding=1.0) is Action.CONVERGED  # slopes of rounding say nothing
 
 
 def test_a_run_begins_with_nothing_of_another() -> None:
