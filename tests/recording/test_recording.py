@@ -73,6 +73,8 @@ def test_numbers_by_increment(recorded):
     assert rotations == pytest.approx(expected, abs=0.05)
     said = column(path, "/bars/angles", "labels")
     assert (said[0][0], said[3][0]) == ("0.0", "12 right")
+    sections = column(path, "/section/now/angle", "labels")
+    assert {k: v.item() for k, v in sections.items()} == {k: f"now {v[0]}" for k, v in said.items()}
     colours = column(path, "/energy", "colors")[None]
     assert len(set(colours.tolist())) == len(colours)
 

@@ -9,7 +9,7 @@ import rerun as rr
 
 from warp_trunk.engine.relaxation import Energy
 from warp_trunk.measures import TrunkMeasures
-from warp_trunk.measures.quantities import BEFORE, Measured, MeasureTable, measured
+from warp_trunk.measures.quantities import BEFORE, Measured, MeasureTable
 from warp_trunk.measures.rows import RESEARCH, as_markdown, measure_rows, sided
 
 from .colours import GREY, NOW, TARGET, TERMS, TEXT
@@ -59,11 +59,10 @@ class BarPlot:
 class Numbers:
     """Logs measures and relaxations; the levels are known by their names."""
 
-    def __init__(self, log: Callable[..., None], before: TrunkMeasures, target: TrunkMeasures, name: str) -> None:
-        """Logs what never changes; `name` is that of the target: actual or target."""
+    def __init__(self, log: Callable[..., None], table: MeasureTable, before: TrunkMeasures, name: str) -> None:
+        """Logs what never changes: the states before and `name`, actual or target, of the table."""
         self._log, self._before, self._name = log, before, name
-        self._fixed = MeasureTable.of({BEFORE: before, name: target})
-        angles = {state: self._fixed.values(state, "bsr_deg") for state in (BEFORE, name)}
+        angles = {state: table.values(state, "bsr_deg") for state in (BEFORE, name)}
         self._plot = plot = BarPlot(*angles.values())
         self._terms: list[str] = []
         log("error", rr.SeriesLines(names="error", colors=NOW, widths=2.0), static=True)
@@ -80,9 +79,8 @@ class Numbers:
         self._below = [[middle, rows + 2.1]]
         log("bars/legend", _labels([[middle, rows - 0.3], [middle, rows + 0.9]], legend, TEXT), static=True)
 
-    def measures(self, now: TrunkMeasures, load_factor: float) -> None:
-        """Logs rotations and the table."""
-        table = self._fixed.with_rows(measured("now", now, self._before.cobb))
+    def measures(self, table: MeasureTable, load_factor: float) -> None:
+        """Logs rotations and the table, whose state now is that at a load factor."""
         angles = table.values("now", "bsr_deg")
         self._log("bars/now", self._bars(angles, NOW, 1))
         self._log("bars/angles", self._labels(ANGLES, {level: sided(a) for level, a in angles.items()}, NOW))

@@ -15,7 +15,7 @@ from warp_trunk.case import Case
 from warp_trunk.engine.simulation import Increment
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.measures import TrunkMeasures, measure
-from warp_trunk.measures.quantities import PREDICTED, Measured, MeasureTable
+from warp_trunk.measures.quantities import ACTUAL, BEFORE, PREDICTED, Measured, MeasureTable, measured
 
 from .colours import GREY, NOW, TARGET
 from .stream import open_streams
@@ -62,17 +62,18 @@ class Recording:
         actual = case.actual_skin is not None
         target_skin = case.actual_skin or skin.moved(skin.vertices + carried)
         target = measure(target_skin, case.planned_landmarks)
-        name = "actual" if actual else "target"
+        name = ACTUAL if actual else "target"
+        self._curves, self._still = before.cobb, MeasureTable.of({BEFORE: before, name: target})
         blueprint = layout(case, before, target=name, unit=unit)
         self._streams = open_streams(case.name, self.path, live, blueprint)
         most = float(np.percentile(np.linalg.norm(carried, axis=1), 99.5))
         self._scene = scene = Scene(self._log, case, trunk, before, most)
-        self._numbers = Numbers(self._log, before, target, name)
+        self._numbers = Numbers(self._log, self._still, before, name)
         scene.still("before", skin, np.zeros_like(planned), case.landmarks_before.points)
         scene.still("target", target_skin, planned, case.planned_landmarks.points)
-        scene.section("before", before, GREY, static=True)
+        scene.section(BEFORE, before, self._still, GREY, static=True)
         if actual:
-            scene.section("target", target, TARGET, static=True)
+            scene.section(ACTUAL, target, self._still, TARGET, static=True)
         self._now(0, np.zeros_like(planned), before, 0.0)
         self._send()
 
@@ -119,8 +120,9 @@ class Recording:
         for stream in self._streams:
             stream.at(number)
         self._scene.now(displacement, self._case.landmarks_at(load_factor).points)
-        self._scene.section("now", measures, NOW, static=False)
-        self._numbers.measures(measures, load_factor)
+        table = self._still.with_rows(measured("now", measures, self._curves))
+        self._scene.section("now", measures, table, NOW, static=False)
+        self._numbers.measures(table, load_factor)
 
     def _log(self, path: str, what: Any, /, *, static: bool = False) -> None:
         for stream in self._streams:

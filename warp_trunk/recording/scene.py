@@ -11,6 +11,7 @@ from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.surface import Surface, vertex_normals
 from warp_trunk.measures import TrunkMeasures
+from warp_trunk.measures.quantities import ACTUAL, MeasureTable
 from warp_trunk.measures.rows import sided
 from warp_trunk.report.hump import hump_palette
 
@@ -98,8 +99,25 @@ class Scene:
         marks = rr.Points3D(points, radii=2.5, colors=NOW, labels=list(names), show_labels=False)
         self._log(f"{when}/landmarks", marks, static=static)
 
-    def section(self, when: str, measures: TrunkMeasures, colour: tuple[int, int, int], *, static: bool) -> None:
-        """Logs outline and tangent at the worst level, in space and as a picture seen from above."""
+    def section(
+        self,
+        state: str,
+        measures: TrunkMeasures,
+        table: MeasureTable,
+        colour: tuple[int, int, int],
+        *,
+        static: bool,
+    ) -> None:
+        """Logs outline and tangent at the worst level, in space and as a picture seen from above.
+
+        Args:
+            state: before, now or actual.
+            measures: of the trunk in this state.
+            table: has the rotation that is written beside the picture.
+            colour: of the lines.
+            static: whether they hold for all times.
+        """
+        when = "target" if state == ACTUAL else state
         tangent = measures.tangents.get(self._level) if self._level else None
         spatial, flat, at, texts = [], [], [], []
         if tangent is not None:
@@ -109,7 +127,7 @@ class Scene:
             low, high = self._low, self._high
             across = {"before": high[0], "target": (low[0] + high[0]) / 2.0, "now": low[0]}[when]
             at = [[-across, high[1] + 5.0]]  # clear of the outlines
-            texts = [f"{'actual' if when == 'target' else when} {sided(tangent.angle)}"]
+            texts = [f"{state} {sided(table.value(state, 'bsr_deg', self._level))}"]
         self._log(f"{when}/section", rr.LineStrips3D(spatial, radii=1.2, colors=colour), static=static)
         strips = rr.LineStrips2D(flat, radii=rr.Radius.ui_points(1.5), colors=colour)
         self._log(f"section/{when}", strips, static=static)
