@@ -43,8 +43,7 @@ class Study:
     synthetic: bool = False
     """Whether the case, including the actual skin, was made by a computer and is of no patient."""
 
-    # keys of earlier files
-    other_keys: ClassVar[Mapping[str, str]] = {"virtual": "synthetic"}
+    former_keys: ClassVar[Mapping[str, str]] = {"virtual": "synthetic"}
 
     def __post_init__(self) -> None:
         """Raises InputError for a time out of range."""

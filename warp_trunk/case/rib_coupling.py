@@ -49,8 +49,7 @@ class RibCoupling:
     """Of the motion of what lies under a shoulder blade of the ribs 2 to 7 of its side; no study was found. At 0.8
     it stays behind by up to 8 mm where ribs go 40 mm; at 0.5 it would cut into them."""
 
-    # keys of earlier files
-    other_keys: ClassVar[Mapping[str, str]] = {
+    former_keys: ClassVar[Mapping[str, str]] = {
         "turn": "axial_rotation",
         "tilt": "lateral_bending",
         "recovery": "reversible_part",

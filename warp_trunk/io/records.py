@@ -44,7 +44,8 @@ def toml_table(text: str, path: Path) -> dict[str, Any]:
 def as_record(table: dict[str, Any], kind: type[Record], where: Path | str) -> Record:
     """A table as a dataclass or a Struct, whose fields are the keys and whose types say what each may be.
 
-    Its `other_keys` are further keys of its fields, which are renamed in the table.
+    Its `file_keys` has the keys of fields that a file names otherwise, and its `former_keys` the fields of keys of
+    earlier files, which are read too; both are renamed in the table.
 
     Args:
         table: of plain values.
@@ -58,7 +59,7 @@ def as_record(table: dict[str, Any], kind: type[Record], where: Path | str) -> R
     try:
         return msgspec.convert(table, kind)
     except msgspec.ValidationError as error:
-        raise InputError(f"{where}: {_fault(error, table)}") from error
+        raise InputError(f"{where}: {_fault(error, table, getattr(kind, 'file_keys', {}))}") from error
 
 
 def read_json(path: Path, kind: type[Record], expected: str, fault: str, cure: str) -> Record:
@@ -124,9 +125,11 @@ def _check_keys(value: Any, kind: Any, where: Path | str, prefix: str) -> None:
         known = {field.encode_name: field.type for field in getattr(one, "fields", ())}
         if not known or not isinstance(value, dict):
             continue
-        for other, name in getattr(one.cls, "other_keys", {}).items():
-            if other in value and name not in value:
-                value[name] = value.pop(other)
+        file_keys = getattr(one.cls, "file_keys", {})
+        known |= {key: known.pop(name) for name, key in file_keys.items()}
+        for former, name in getattr(one.cls, "former_keys", {}).items():
+            if former in value and name not in value:
+                value[name] = value.pop(former)
         start = f"{prefix}." if prefix else ""
         for key, inner in value.items():
             if key not in known:
@@ -134,15 +137,19 @@ def _check_keys(value: Any, kind: Any, where: Path | str, prefix: str) -> None:
                 keys = ", ".join(start + name for name in known)
                 raise InputError(f"{where}: unknown key '{start}{key}'{hint}; the keys are {keys}")
             _check_keys(inner, known[key], where, start + key)
+        for name, key in file_keys.items():
+            if key in value:
+                value[name] = value.pop(key)
 
 
-def _fault(error: msgspec.ValidationError, table: Any) -> str:
+def _fault(error: msgspec.ValidationError, table: Any, file_keys: Mapping[str, str]) -> str:
     """The key, the rule and the value found; what a record itself refuses is said in its own words."""
     if isinstance(error.__cause__, InputError):
         return str(error.__cause__)
     rule, _, place = str(error).removesuffix("`").partition(" - at `$")
     place = place.removeprefix(".")
-    name = f"'{place}' " if place else ""
+    name = re.sub(r"^\w+", lambda field: file_keys.get(field[0], field[0]), place)
+    name = f"'{name}' " if name else ""
     value: Any = table
     for key in re.findall(r"[^.\[\]]+", place):
         value = value[int(key)] if isinstance(value, list) else value.get(key) if isinstance(value, dict) else None

@@ -35,12 +35,14 @@ def test_plan_comes_back(tmp_path: Path, plan: Plan) -> None:
     [
         ('uiv = "T4"', "'liv' is missing"),
         ('uiv = "T4"\nliv = "L1"\nkyphosis = 30', "unknown key 'kyphosis' (did you mean 'kyphosis_T5_T12'?"),
-        ('uiv = "T4"\nliv = "L1"\n[[curve]]\ncorrection = 0.5', "'curves[0]' lacks 'apex'; add it"),
+        ('uiv = "T4"\nliv = "L1"\n[[curve]]\ncorrection = 0.5', "'curve[0]' lacks 'apex'; add it"),
         ('uiv = "T4"\nliv = "L1"\nspontaneous = "half"', "'spontaneous' must be a number, not 'half'"),
         (
             'uiv = "T4"\nliv = "L1"\n[[curve]]\napex = "T8"\ncorrection = 65',
-            "'curves[0].correction' must be a number <= 1.0, not 65; for 65 % write 0.65",
+            "'curve[0].correction' must be a number <= 1.0, not 65; for 65 % write 0.65",
         ),
+        ('uiv = "T4"\nliv = "L1"\n[[curves]]\napex = "T8"', "unknown key 'curves' (did you mean 'curve'?"),
+        ('uiv = "T4"\nliv = "L1"\ncurve = 3', "'curve' must be a list, not 3"),
         ("uiv", "cannot be read as TOML"),
         ('uiv = "L3"\nliv = "L1"', "'uiv' must lie above 'liv', but L3 is not above L1"),
         ('uiv = "T4"\nliv = "L1"\n' + 2 * '[[curve]]\napex = "T8"\n', "the curve of T8 is planned twice"),

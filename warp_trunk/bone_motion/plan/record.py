@@ -77,7 +77,7 @@ class Plan:
     """Where T1 stands in the coronal plane: as far beside the sacrum as before, or over it."""
     sva_after: Annotated[float, Meta(ge=-150.0, le=150.0)] | None = None
     """How far T1 stands in front of the sacrum after [mm]; as far as before when left out."""
-    other_keys: ClassVar[Mapping[str, str]] = {"curve": "curves"}  # plan.toml has a table [[curve]] for each
+    file_keys: ClassVar[Mapping[str, str]] = {"curves": "curve"}  # plan.toml has a table [[curve]] for each
 
     def __post_init__(self) -> None:
         """Raises InputError for levels that are none, a value out of range, or two curves of one apex."""
