@@ -10,7 +10,7 @@ from warp_trunk.case.folders import refuse_case
 from warp_trunk.case.layers import NAMES
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
-from warp_trunk.io.atomic_write import atomic_write
+from warp_trunk.io.atomic_write import atomic_write, write_whole
 from warp_trunk.io.file_access import check_place
 from warp_trunk.io.result_files import TRUNK
 from warp_trunk.io.surface_files.morph import skin_glb
@@ -97,9 +97,7 @@ class Export:
         if ending == ".glb":
             result = read_result(self.result)
             names = result.summary.case, "predicted"
-            content = skin_glb(result.skin_before, result.skin, names, plain=self.plain)
-            with atomic_write(out) as unfinished:
-                unfinished.write_bytes(content)
+            write_whole(out, skin_glb(result.skin_before, result.skin, names, plain=self.plain))
             print(f"{len(result.skin.vertices)} vertices before surgery and predicted: {out}")
             return OK
         tissues = read_summary(self.result).tissues

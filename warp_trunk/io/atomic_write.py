@@ -19,17 +19,16 @@ def partial(path: Path) -> Path:
     return path.with_name(f"{path.stem}.partial{path.suffix}")
 
 
-def complete(path: Path, to_disk: bool = True) -> None:
+def complete(path: Path) -> None:
     """Moves a file written under its partial name to its own.
 
-    With `to_disk` it lies on the disk before, so that its own name never stands for less, even after a power cut.
+    It lies on the disk before, so that its own name never stands for less, even after a power cut.
     """
-    if to_disk:
-        handle = os.open(partial(path), os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
+    handle = os.open(partial(path), os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
     os.replace(partial(path), path)
 
 

@@ -132,3 +132,19 @@ def limited_memory(size: int) -> Iterator[None]:
             yield
         finally:
             resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+
+
+@contextmanager
+def parsing(path: Path, what: str, size: int) -> Iterator[None]:
+    """Limits the memory of a block that parses a file of `size` bytes, and names the file where it fails.
+
+    Raises:
+        InputError: the block failed; each format, and each library, fails with errors of its own.
+    """
+    try:
+        with limited_memory(size):
+            yield
+    except InputError:
+        raise
+    except (Exception, SystemExit) as error:  # meshio ends the program on some
+        raise InputError(f"{path}: cannot be read as {what} ({reason(error)}); write it again") from error

@@ -10,7 +10,7 @@ import numpy as np
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.colours import as_colours
 
-from .file_access import MOST_SURFACE, limited_memory, number, read_bytes, reason
+from .file_access import MOST_SURFACE, number, parsing, read_bytes
 from .surface_files.ply import ply_colours, ply_columns
 from .surface_files.polygons import read_obj
 from .surface_files.space import stated_space
@@ -42,13 +42,10 @@ def read_scan(path: str | Path) -> tuple[np.ndarray, np.ndarray | None]:
     ending = path.suffix.lower()
     if ending not in ENDINGS and ending not in _TEXT:
         raise InputError(f"{path}: cannot be read as points ('{ending}' is not known); use {kinds}")
-    try:
-        with limited_memory(len(content)):
-            points, colours = _parsed(ending, content, path)
-            if ending in ENDINGS and stated_space(ending, content) == "RAS":
-                points *= (-1.0, -1.0, 1.0)
-    except Exception as error:  # each format fails with errors of its own
-        raise InputError(f"{path}: cannot be read as points ({reason(error)}); write it again") from error
+    with parsing(path, "points", len(content)):
+        points, colours = _parsed(ending, content, path)
+        if ending in ENDINGS and stated_space(ending, content) == "RAS":
+            points *= (-1.0, -1.0, 1.0)
     bad = np.flatnonzero(~(np.isfinite(points).all(axis=1) & (np.abs(points).max(axis=1, initial=0.0) < 1e7)))
     if len(bad):
         raise InputError(f"{path}: point {bad[0]} is {points[bad[0]]}, not three finite numbers; remove it")

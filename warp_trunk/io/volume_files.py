@@ -13,7 +13,7 @@ import numpy as np
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import FARTHEST
 
-from .file_access import MOST_SURFACE, limited_memory, read_bytes, reason
+from .file_access import MOST_SURFACE, parsing, read_bytes
 from .surface_files.space import stated_space
 from .surface_files.vtk import read_vtk_grid
 
@@ -51,12 +51,9 @@ def read_mesh(path: Path) -> Any:
         raise InputError(f"{path}: has {what}, and other files are not opened; write the mesh into one file")
     if ending in (".vtu", ".xdmf") and (b"<!DOCTYPE" in content or b"<!ENTITY" in content):
         raise InputError(f"{path}: defines entities, which no mesh needs; write it again")
-    try:
-        with limited_memory(len(content)):
-            mesh = readers[ending](str(path))
-            space = stated_space(ending, content)
-    except (Exception, SystemExit) as error:  # meshio fails in many ways on a damaged file
-        raise InputError(f"{path}: cannot be read as a mesh ({reason(error)}); write it again") from error
+    with parsing(path, "a mesh", len(content)):
+        mesh = readers[ending](str(path))
+        space = stated_space(ending, content)
     points = np.asarray(mesh.points)
     if points.ndim != 2 or points.shape[1] != 3 or not (np.abs(points) <= FARTHEST).all():  # nor is NaN
         raise InputError(

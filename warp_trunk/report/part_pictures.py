@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks
 from warp_trunk.geometry.surface import Surface, area_vectors
-from warp_trunk.io.atomic_write import atomic_write
+from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.measures import measure
 from warp_trunk.measures.part import agreement
 from warp_trunk.measures.quantities import MeasureTable
@@ -52,9 +52,9 @@ def write_distances(path: Path, predicted: Surface, actual: Surface) -> Path:
     pose = TrunkState(
         PREDICTED, predicted, frame_of(predicted), measure(predicted, NO_LANDMARKS), MeasureTable(())
     )
-    with rc_context(RC), atomic_write(path) as unfinished:
+    with rc_context(RC):
         picture = values_picture(pose, distance, view, "distance [mm], orange outside", signed=True)
-        unfinished.write_bytes(file_of(picture, "png"))
+        write_whole(path, file_of(picture, "png"))
     return path
 
 

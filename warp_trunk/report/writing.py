@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from warp_trunk.bone_motion.plan import fused_levels
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.io.atomic_write import atomic_write
+from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.folders import make_writable
 from warp_trunk.io.result_files import PAGE, PICTURES, picture_source
 from warp_trunk.measures import compare_skins, measure
@@ -66,7 +66,8 @@ def write_report(result: Result, out: str | Path | None = None, *, bare: bool = 
     folder = _prepare(out, PICTURES)
     with rc_context(RC):
         text = _whole(result, folder, bare) if result.landmarks_before.names else _part(result, folder)
-    return _write(out / PAGE, text.encode())
+    write_whole(out / PAGE, text)
+    return out / PAGE
 
 
 def _whole(result: Result, folder: Path, bare: bool) -> str:
@@ -173,7 +174,8 @@ def write_comparison(results: Sequence[Result], out: str | Path | None = None, *
             "rotation": rotation_plot(poses, bands=False),
         }
         drawings = _drawn(figures, folder)
-    return _write(out / PLANS_PAGE, plans_page(table, poses, results, plans, drawings, trunk).encode())
+    write_whole(out / PLANS_PAGE, plans_page(table, poses, results, plans, drawings, trunk))
+    return out / PLANS_PAGE
 
 
 def notebook_html(result: Result) -> str:
@@ -245,7 +247,7 @@ def _drawn(figures: Mapping[str, Figure | None], folder: Path) -> dict[str, byte
     drawn = {name: figure for name, figure in figures.items() if figure is not None}
     pngs = {name: file_of(figure, "png", picture_source(name)) for name, figure in drawn.items()}
     for name, png in pngs.items():
-        _write(folder / f"{name}.png", png)
+        write_whole(folder / f"{name}.png", png)
     return {name: embedded(figure, pngs[name]) for name, figure in drawn.items()}
 
 
@@ -254,9 +256,3 @@ def _prepare(out: Path, pictures: str) -> Path:
     for place in (out, out / pictures):
         make_writable(place, "a report")
     return out / pictures
-
-
-def _write(path: Path, content: bytes) -> Path:
-    with atomic_write(path) as unfinished:
-        unfinished.write_bytes(content)
-    return path

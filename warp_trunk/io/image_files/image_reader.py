@@ -21,7 +21,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 
-from ..file_access import MOST_SURFACE, check_file, limited_memory, reason
+from ..file_access import MOST_SURFACE, check_file, parsing
 
 ENDINGS = (".nii", ".nii.gz", ".nrrd")
 """Endings of the files that are read; `.seg.nrrd` is one of `.nrrd`."""
@@ -85,8 +85,10 @@ def read_scan(path: Path) -> Image:
 
 
 def _read(path: Path, scan: bool) -> Image:
-    what, size = "a CT" if scan else "a label map", 0
-    if not (scan and path.is_dir()):
+    what = "a CT" if scan else "a label map"
+    if scan and path.is_dir():
+        size = sum(file.stat().st_size for file in path.iterdir() if file.is_file())
+    else:
         size = check_file(path, f"{what} ({', '.join(ENDINGS)}) was expected", MOST_SURFACE)
         if image_ending(path) is None:
             raise InputError(
@@ -100,18 +102,13 @@ def _read(path: Path, scan: bool) -> Image:
     from .nifti import open_nifti
     from .simpleitk import open_nrrd, open_series
 
-    try:
+    with parsing(path, what, size):
         if path.is_dir():
             return _converted(path, open_series(path), scan)
-        with limited_memory(size):
-            if path.name.lower().endswith((".nii", ".nii.gz")):
-                with open_nifti(path, scan) as stored:
-                    return _converted(path, stored, scan)
-            return _converted(path, open_nrrd(path), scan)
-    except InputError:
-        raise
-    except Exception as error:  # each format fails with errors of its own
-        raise InputError(f"{path}: cannot be read as {what} ({reason(error)}); write it again") from error
+        if path.name.lower().endswith((".nii", ".nii.gz")):
+            with open_nifti(path, scan) as stored:
+                return _converted(path, stored, scan)
+        return _converted(path, open_nrrd(path), scan)
 
 
 def _converted(path: Path, stored: Stored, scan: bool) -> Image:

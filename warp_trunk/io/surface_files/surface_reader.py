@@ -12,7 +12,7 @@ from warp_trunk.errors import InputError, as_path
 from warp_trunk.geometry.colours import as_colours, mean_colours
 from warp_trunk.geometry.surface import Surface, check_surface
 
-from ..file_access import MOST_SURFACE, limited_memory, read_bytes, reason
+from ..file_access import MOST_SURFACE, parsing, read_bytes
 from .by_trimesh import read_glb, read_off, read_stl
 from .ply import read_ply
 from .polygons import read_obj
@@ -89,12 +89,9 @@ def read_stated(path: Path) -> tuple[Surface, str | None]:
     ending = path.suffix.lower()
     if ending not in ENDINGS:
         raise InputError(f"{path}: cannot be read as a surface ('{ending}' is not known); use {kinds}")
-    try:
-        with limited_memory(len(content)):
-            surface = parse(ending, content, path)
-            space = stated_space(ending, content)
-    except Exception as error:  # each format fails with errors of its own
-        raise InputError(f"{path}: cannot be read as a surface ({reason(error)}); write it again") from error
+    with parsing(path, "a surface", len(content)):
+        surface = parse(ending, content, path)
+        space = stated_space(ending, content)
     check_surface(surface, str(path))
     return surface, space
 

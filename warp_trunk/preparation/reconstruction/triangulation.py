@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ import numpy as np
 
 from warp_trunk.case.landmarks import Landmarks, read_rows
 from warp_trunk.errors import InputError
-from warp_trunk.io.atomic_write import atomic_write
+from warp_trunk.io.atomic_write import csv_text, write_whole
 from warp_trunk.io.file_access import number, read_text
 
 _COLUMNS = ("name", "u", "v")
@@ -199,10 +198,9 @@ def _miss(film: Film, points: np.ndarray, places: np.ndarray) -> np.ndarray:
 def write_triangulation(path: str | Path, found: Triangulation) -> None:
     """Write a CSV file that `read_landmarks` reads, with columns for the error on the films and in space."""
     rows = np.column_stack([found.landmarks.points, found.miss.max(axis=1), found.uncertainty])
-    with atomic_write(Path(path)) as unfinished, unfinished.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["name", "x", "y", "z", "reprojection_error", "sd_x", "sd_y", "sd_z"])
-        writer.writerows([name, *row] for name, row in zip(found.landmarks.names, rows.tolist(), strict=True))
+    head = ("name", "x", "y", "z", "reprojection_error", "sd_x", "sd_y", "sd_z")
+    named = ([name, *row] for name, row in zip(found.landmarks.names, rows.tolist(), strict=True))
+    write_whole(Path(path), csv_text([head, *named]))
 
 
 def _common_names(first: Film, second: Film) -> tuple[str, ...]:
