@@ -53,7 +53,7 @@ BROKEN = [
      "in front of the spine, so it is a scan of the front", "+y to the back"),
     ("few points", lambda p, s, m: (p[:1500], s, m), "needs 2000 points, and there are 1500", "whole scan"),
     ("a spine that runs up", lambda p, s, m: (p, s[::-1], m), "the other way, upwards", "highest point first"),
-    ("a spine in metres", lambda p, s, m: (p, s / 1000.0, m), "run down by 200 to 700 mm, and runs 0.", "in mm"),
+    ("a spine in metres", lambda p, s, m: (p, s / 1000.0, m), "run down by 100 to 700 mm, and runs 0.", "in mm"),
     ("a spine of two points", lambda p, s, m: (p, s[[0, -1]], m), "a line needs 6 points, and has 2", "more"),
     ("points that are none", lambda p, s, m: (np.vstack([p, [np.nan] * 3]), s, m), "not three finite numbers",
      "remove it"),

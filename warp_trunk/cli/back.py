@@ -20,7 +20,8 @@ from warp_trunk.measures import CobbAngle, cobb_angles
 from warp_trunk.measures.back import TURN
 from warp_trunk.preparation.back_scan.body import atlas_body, made_body
 from warp_trunk.preparation.back_scan.fit import FittedBack, fit_back
-from warp_trunk.preparation.back_scan.spine import TURN_SD, read_patient_spine
+from warp_trunk.preparation.back_scan.spine import TURN_SD
+from warp_trunk.preparation.deformity.patient_spine import read_patient_spine
 from warp_trunk.run.progress import Progress
 
 from .output import OK, next_command, read_bones

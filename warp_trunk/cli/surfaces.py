@@ -173,7 +173,7 @@ class MakeCase:
     out."""
     spine: Path | None = None
     """Impose this measured spine in place of a published curve: a table name,x,y,z of body centre and pedicles of
-    each level (T4_body, T4_left_pedicle, T4_right_pedicle) in mm and LPS."""
+    each level (T4_body, T4_left_pedicle, T4_right_pedicle), or landmarks of a case, in mm and LPS."""
     direction: Literal["right", "left"] = "right"
     """The side to which the curve is convex; of a double major, its thoracic curve."""
     correction: float = 0.7

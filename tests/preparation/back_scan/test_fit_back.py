@@ -19,8 +19,8 @@ from warp_trunk.measures.back_rotation import back_surface_rotation
 from warp_trunk.preparation.back_scan import fit_back
 from warp_trunk.preparation.back_scan.body import made_body
 from warp_trunk.preparation.back_scan.scan import cut_back
-from warp_trunk.preparation.back_scan.spine import spine_of_marks
 from warp_trunk.preparation.deformity import SpineCurve, impose
+from warp_trunk.preparation.deformity.patient_spine import spine_of_marks
 
 ANGLE = np.radians(11.0)
 TURNED = np.array([[np.cos(ANGLE), -np.sin(ANGLE), 0.0], [np.sin(ANGLE), np.cos(ANGLE), 0.0], [0.0, 0.0, 1.0]])

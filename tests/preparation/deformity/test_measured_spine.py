@@ -51,7 +51,7 @@ def test_levels_above_the_highest_fade_out(tmp_path: Path) -> None:
         (VERTEBRAE[12:], "", "8 or more levels"),
         (VERTEBRAE[:12], "", "down to L5"),
         (VERTEBRAE[8:], "T8_body,0,0,9", "'T8_left_pedicle' is missing"),
-        (VERTEBRAE[8:], "T8_body,0,0,0\nT8_left_pedicle,1,0,0\nT8_right_pedicle,0,0,0", "one above the other"),
+        (VERTEBRAE[8:], "T8_body,0,0,0\nT8_left_pedicle,1,0,0\nT8_right_pedicle,0,0,0", "runs the other way"),
     ],
 )
 def test_bad_tables_are_refused(tmp_path: Path, levels: tuple[str, ...], edit: str, rule: str) -> None:

@@ -17,12 +17,13 @@ from warp_trunk.geometry.surface import Surface, corner_areas
 from warp_trunk.geometry.surface_checks import crossings
 
 from ..deformity.deformity import carried, grown
+from ..deformity.patient_spine import PatientSpine
 from ..deformity.spine_curve import VertebraPose
 from .body import StraightBody, made_body
 from .bones import all_under_skin, forward_under_skin, ribs_on_vertebrae
 from .frame import PelvisFrame, back_markers, check_on_scan, find_frame
 from .scan import BackScan, clean_scan
-from .spine import TURN_SD, PatientSpine, PlacedSpine, place_spine, poses_of, turns_of
+from .spine import TURN_SD, PlacedSpine, place_spine, poses_of, turns_of
 from .warping import ScanField, draw_to_scan, on_trunk, seen_by, warp_onto
 
 _GROWS = 18.0

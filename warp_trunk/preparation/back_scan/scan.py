@@ -15,9 +15,9 @@ from warp_trunk.geometry.surface import area_vectors, unit
 from warp_trunk.geometry.surface_checks import linked_parts
 from warp_trunk.measures.spine import asis_axis
 
+from ..deformity.patient_spine import PatientSpine, spine_line
 from ..deformity.spine_curve import endplates_of
 from .body import posterior_spines
-from .spine import PatientSpine, spine_line
 
 FEWEST = 2000
 """A scan of fewer points shows no back."""

@@ -19,6 +19,7 @@ from warp_trunk.io.records import check_fields
 from warp_trunk.measures.cobb import sagittal_angle
 from warp_trunk.measures.spine import spine_of
 
+from .patient_spine import spine_of_marks
 from .published_curves import (
     CURVES,
     KYPHOSIS,
@@ -281,11 +282,6 @@ def endplates_of(landmarks: Landmarks) -> np.ndarray:
     return landmarks.points[[landmarks.index(name) for name in names]].reshape(LEVELS, 2, 3)
 
 
-FEWEST = 8
-"""Levels in a row down to L5 that a measured spine needs."""
-_POINTS = ("body", "left_pedicle", "right_pedicle")
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeasuredSpine:
     """The shape of a real spine; sizes are those of the anatomy on which it is imposed."""
@@ -331,33 +327,19 @@ class MeasuredSpine:
 
 
 def read_measured_spine(path: str | Path) -> MeasuredSpine:
-    """Read `name,x,y,z` in mm and LPS: `T4_body`, `T4_left_pedicle`, `T4_right_pedicle` and so on down to L5.
+    """Read points of vertebrae in mm and LPS, such as `T4_body`, `T4_left_pedicle`, `T4_right_pedicle` down to L5.
 
     Each track is smoothed along the spine, since single key points are off by millimetres. Rotation is taken
     against the mean of both ends: there is no pelvis in the file. The curve fades out over levels above the
     highest one.
 
     Raises:
-        InputError: a file that cannot be read, a row that is no point, a level without all three points, or fewer
-            than 8 levels in a row down to L5.
+        InputError: a file that cannot be read, a row that is no point, or as `spine_of_marks`.
     """
     path = Path(path)
-    marks = read_landmarks(path)
-    levels = [level for level in VERTEBRAE if f"{level}_body" in marks.names]
-    if levels != list(VERTEBRAE[LEVELS - len(levels) :]) or len(levels) < FEWEST:
-        found = ", ".join(levels) or "none"
-        raise InputError(
-            f"{path}: needs {FEWEST} or more levels in a row down to L5, has {found}; give their points"
-        )
-    names = [[f"{level}_{part}" for level in levels] for part in _POINTS]
-    for name in (name for part in names for name in part if name not in marks.names):
-        raise InputError(f"{path}: '{name}' is missing; each level needs {', '.join(_POINTS)}")
-    body, left, right = (np.array([marks.point(name) for name in part]) for part in names)
-    if not (np.diff(body[:, 2]) < 0.0).all():
-        raise InputError(f"{path}: body centres must lie one above the other, T1 highest; give them in mm and LPS")
-
-    across = left - right
-    return measured_spine(path.stem, body, np.arctan2(across[:, 1], across[:, 0]))
+    spine = spine_of_marks(read_landmarks(path), str(path))
+    assert spine.across is not None  # of points of vertebrae
+    return measured_spine(path.stem, spine.line, np.arctan2(spine.across[:, 1], spine.across[:, 0]))
 
 
 def measured_spine(name: str, body: np.ndarray, turn: np.ndarray) -> MeasuredSpine:
