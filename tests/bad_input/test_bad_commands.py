@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from support.asserting import forbid_meshing
 from support.biplanar import biplanar, write_film
 from support.breaking import content, ply
-from support.no_meshing import forbid_meshing
 from support.report_results import write_small_result
 from support.small_case import small_case
 from warp_trunk.case.landmarks import Landmarks, write_landmarks

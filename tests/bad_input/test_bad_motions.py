@@ -2,7 +2,7 @@
 
 import pytest
 
-from support.part_phantom import part_case
+from support.small_case import part_case
 from warp_trunk.case import write_case
 from warp_trunk.case.motions import Motion
 

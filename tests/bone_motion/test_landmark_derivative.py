@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from support.marked_spine import with_errors
+from support.known_spine import with_errors
 from warp_trunk.bone_motion.articulation import bone_motions, spine_features
 from warp_trunk.bone_motion.prescribed_motion import rigid_derivative, sets_around, spline_derivative
 from warp_trunk.bone_motion.rib_cage import ends

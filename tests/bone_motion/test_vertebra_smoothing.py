@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import CubicSpline, make_smoothing_spline
 from scipy.spatial.transform import Rotation
 
-from support.marked_spine import before_and_after, with_errors
+from support.known_spine import before_and_after, with_errors
 from warp_trunk.bone_motion.vertebra_smoothing import (
     VertebraSmoothing,
     likeliest_smoothness,

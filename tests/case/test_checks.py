@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from support.refusals import refuses
+from support.asserting import refuses
 from support.small_case import small_case
 from warp_trunk.case import Case, read_case, write_case
 from warp_trunk.case.checks import CaseSource, check_case

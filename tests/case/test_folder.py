@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from support.asserting import there
 from support.small_case import small_case
-from support.there import there
 from warp_trunk.case import Axes, Case, read_case, write_case
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
 from warp_trunk.errors import InputError

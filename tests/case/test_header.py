@@ -2,7 +2,7 @@
 
 import pytest
 
-from support.refusals import refuses
+from support.asserting import refuses
 from warp_trunk.case.case import Study
 from warp_trunk.case.header import CaseHeader, header_text, read_header
 from warp_trunk.case.uncertainty import Uncertainty

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from support.known_spine import LEVELS
-from support.marked_spine import before_and_after, exchanged, shifted, with_errors
+from support.asserting import there
+from support.known_spine import LEVELS, before_and_after, exchanged, shifted, with_errors
 from support.small_case import palpated, small_case
-from support.there import there
 from warp_trunk.case import Case, check_case
 from warp_trunk.case.landmark_checks import align_pelvis, check_frame, check_motion, check_order, check_shapes
 from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from support.refusals import refuses
+from support.asserting import refuses
 from warp_trunk.case.axes import Axes
 from warp_trunk.case.landmarks import Landmarks, landmark_file, read_landmarks, write_landmarks
 from warp_trunk.errors import InputError

@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from support.refusals import refuses
+from support.asserting import refuses, there
 from support.small_case import small_case
-from support.there import there
 from warp_trunk.case import read_case, write_case
 from warp_trunk.case.header import CaseHeader, header_text, read_header
 from warp_trunk.case.layers import Constants, Layers, LayerTable, read_layers

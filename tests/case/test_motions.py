@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from support.part_phantom import part_case
-from support.small_case import small_case
+from support.small_case import part_case, small_case
 from warp_trunk.bone_motion.articulation import given_motions
 from warp_trunk.bone_motion.skeleton import Skeleton
 from warp_trunk.case import check_case, read_case, write_case

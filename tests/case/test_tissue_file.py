@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from support.refusals import refuses
+from support.asserting import refuses, there
 from support.small_case import small_case
-from support.there import there
 from warp_trunk.case.layers import Layers
 from warp_trunk.case.tissue_file import constant_of, read_tissue_file, with_constants, write_tissue_file
 

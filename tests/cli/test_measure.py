@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from support.asserting import there
 from support.report_results import write_small_result
 from support.small_case import small_case
-from support.there import there
 from warp_trunk.case import write_case
 from warp_trunk.cli import main
 from warp_trunk.cli.output import OK

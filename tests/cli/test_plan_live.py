@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 import warp_trunk.live.opening as opening
-from support.no_meshing import forbid_meshing
+from support.asserting import forbid_meshing
 from support.phantoms import whole_phantom
-from support.small_patient import curved_case, small_patient
+from support.small_trunk import curved_case, small_patient
 from warp_trunk.case import write_case
 from warp_trunk.recording.viewer import free_port
 from warp_trunk.run.options import RunOptions

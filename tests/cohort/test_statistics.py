@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from support.there import there
+from support.asserting import there
 from warp_trunk.cohort.statistics import limits_of_agreement, over_patients, trend
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from support.there import there
+from support.asserting import there
 from warp_trunk.cohort.cohort_page import worse_parts, write_cohort
 from warp_trunk.cohort.one_case import CaseRow
 from warp_trunk.cohort.summary import case_errors, errors, summarize_cohort

@@ -9,9 +9,8 @@ import pytest
 import warp as wp
 
 from support.continuum import Continuum
-from support.matrices import upper_blocks
 from support.meshes import block_with_bone, rotate, with_skin
-from support.models import evaluated, gradient_of, half_and_half, model_of, relax, settle
+from support.models import evaluated, gradient_of, half_and_half, model_of, relax, settle, upper_blocks
 from support.reference import Reference
 from warp_trunk.engine import multigrid
 from warp_trunk.engine.linear import WINDOW, BlockMatrix, ConjugateGradient, Dots

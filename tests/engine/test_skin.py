@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from support.matrices import on_host
 from support.meshes import block, block_with_bone, rotate, rotation, with_skin
-from support.models import evaluated, increments, model_of, settle
+from support.models import evaluated, increments, model_of, on_host, settle
 from warp_trunk.engine.linear import BlockMatrix
 from warp_trunk.engine.model import Model
 from warp_trunk.engine.relaxation import RelaxStatus

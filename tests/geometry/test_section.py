@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
+from support.asserting import there
 from support.synthetic import box, sphere
-from support.there import there
 from support.trunk_shapes import joined
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.section import (

@@ -7,9 +7,8 @@ import meshio
 import numpy as np
 import pytest
 
-from support.refusals import refuses
+from support.asserting import refuses, there
 from support.small_trunk import boned_case, small_trunk
-from support.there import there
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
 from warp_trunk.geometry.surface import Surface

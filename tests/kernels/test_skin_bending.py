@@ -8,8 +8,8 @@ import warp as wp
 from warp_trunk.kernels.assembly import COLUMNS, PAIRS, vec10i
 from warp_trunk.kernels.skin_bending import BENDING
 
-from support.matrices import element_matrices, places_apart
 from support.meshes import rotate, rotation
+from support.models import element_matrices, places_apart
 from warp_trunk.engine.parallel import Parallel
 from warp_trunk.engine.rest_mesh import RestMesh
 from warp_trunk.engine.skin import Skin, hinges_of, make_skin

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from support.small_patient import APEX, curved_case
+from support.small_trunk import APEX, curved_case
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, PlannedSurgery, plan_surgery, read_plan
 from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.errors import InputError

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from support.small_patient import APEX, curved_case
+from support.small_trunk import APEX, curved_case
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, PlannedSurgery, plan_surgery
 from warp_trunk.live.number_table import numbers_html
 from warp_trunk.live.session import PlanView

@@ -10,10 +10,10 @@ import pytest
 from playwright.sync_api import Browser, Locator, Playwright, WebSocket, expect, sync_playwright
 from playwright.sync_api import Page as Tab
 
+from support.asserting import there
 from support.chromium import CHROMIUM, WEBGL, needs_chromium
-from support.part_phantom import part_case
-from support.small_patient import APEX, small_patient
-from support.there import there
+from support.small_case import part_case
+from support.small_trunk import APEX, small_patient
 from warp_trunk.bone_motion.plan import PlannedSurgery, read_plan
 from warp_trunk.case import read_case
 from warp_trunk.case.landmarks import Landmarks

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from support.meshes import block_with_bone, with_skin
-from support.part_phantom import part_case
-from support.small_patient import APEX, small_patient
-from support.small_trunk import small_case
+from support.small_case import part_case
+from support.small_trunk import APEX, small_case, small_patient
 from warp_trunk.bone_motion.plan import PlannedSurgery
 from warp_trunk.bone_motion.prescribed_motion import rigid_path
 from warp_trunk.case.motions import Motion

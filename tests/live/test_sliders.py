@@ -8,8 +8,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from support.part_phantom import part_case
-from support.small_patient import curved_case
+from support.small_case import part_case
+from support.small_trunk import curved_case
 from warp_trunk.bone_motion.plan import CurvePlan, Plan
 from warp_trunk.bone_motion.plan.surgery import surgery_record
 from warp_trunk.case.motions import Motion, Turn, rigid_motions

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from support.anatomy import anatomy, anatomy_landmarks
-from support.there import there
+from support.asserting import there
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import compare_skins, measure

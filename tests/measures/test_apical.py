@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from support.asserting import there
 from support.known_spine import BODY, DISC, LEVELS, known_spine
-from support.there import there
 from support.trunk_shapes import LEFT, ellipse, rotation, spine, tube, with_points
 from warp_trunk.measures import curves_after, measure
 from warp_trunk.measures.apical import axial_rotation

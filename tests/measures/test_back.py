@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from support.there import there
+from support.asserting import there
 from support.trunk_shapes import LEVELS, ellipse, flat_back, rotation, spine, tube, twisted
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
 from warp_trunk.cli import main

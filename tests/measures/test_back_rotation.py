@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from support.there import there
+from support.asserting import there
 from support.trunk_shapes import LEFT, SPINE, ellipse, joined, rotation, spine, tube
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError

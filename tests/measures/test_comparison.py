@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from support.there import there
+from support.asserting import there
 from support.trunk_shapes import LEVELS, spine, twisted
 from warp_trunk.measures import compare_skins
 from warp_trunk.measures.comparison import DETECTABLE, RANGES, bsr_error

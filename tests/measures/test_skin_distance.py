@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from support.asserting import there
 from support.synthetic import sphere
-from support.there import there
 from support.trunk_shapes import ellipse, joined, spine, tube
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures.comparison import Regions, SkinDistance, distance_statistics, regions_of, skin_distance

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from support.asserting import there
 from support.known_spine import BODY, DISC, known_spine
-from support.there import there
 from support.trunk_shapes import ASIS, ellipse, spine, tube, with_points
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from support.asserting import there
 from support.known_spine import known_spine
-from support.there import there
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
 

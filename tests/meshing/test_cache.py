@@ -3,8 +3,8 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from support.asserting import there
 from support.synthetic import shell_trunk, sphere
-from support.there import there
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.meshing.cache import cache_key, load_cached, store_cached
 

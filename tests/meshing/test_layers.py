@@ -8,8 +8,8 @@ import pytest
 import trimesh
 from scipy.interpolate import BSpline
 
+from support.asserting import there
 from support.meshes import grid, trunk
-from support.there import there
 from warp_trunk.case.layers import Layers
 from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
 from warp_trunk.errors import InputError

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from support.asserting import there
 from support.report_results import small_bands, write_small_result
 from support.small_trunk import small_case
-from support.there import there
 from warp_trunk.cli.measure import Measure
 from warp_trunk.measures.quantities import Measured, MeasureTable
 from warp_trunk.report.page import BAND_HEAD, band_table, source_table

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from support.asserting import there
 from support.report_results import small_bands, write_small_result
 from support.small_trunk import small_case
-from support.there import there
 from warp_trunk.cli import main
 from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
 from warp_trunk.engine.simulation import SimulationOptions

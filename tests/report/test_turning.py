@@ -12,9 +12,9 @@ from PIL import Image
 pytest.importorskip("playwright", reason="playwright is not installed (uv sync installs it)")
 from playwright.sync_api import Page, sync_playwright
 
+from support.asserting import there
 from support.chromium import CHROMIUM, WEBGL, needs_chromium
 from support.report_results import write_small_result
-from support.there import there
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.report.clothing import COLUMNS, SHIRT, SHORTS, cloth_faces, dressed

@@ -6,9 +6,9 @@ from functools import cache
 import numpy as np
 import pytest
 
+from support.asserting import there
 from support.phantoms import whole_phantom
 from support.small_trunk import boned_case
-from support.there import there
 from warp_trunk.case.uncertainty import FACTORS, Uncertainty
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.measures import cobb_angles, measure

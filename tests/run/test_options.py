@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 import warp_trunk as wt
-from support.refusals import refuses
+from support.asserting import refuses
 from support.small_case import small_case
 from warp_trunk.run.options import SKIN_RIGIDITY, RunOptions, parameters
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from support.part_phantom import part_case
+from support.small_case import part_case
 from warp_trunk.case import read_case, write_case
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.motions import Motion

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from support.there import there
+from support.asserting import there
 from warp_trunk.case import Case
 from warp_trunk.case.rib_coupling import RANGES, RibCoupling
 from warp_trunk.engine.trunk_mesh import TrunkMesh

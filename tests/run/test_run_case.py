@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import rerun as rr
 
-from support.no_meshing import forbid_meshing
+from support.asserting import forbid_meshing
 from support.small_trunk import boned_case, box_mesh
 from warp_trunk.case import Case
 from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus

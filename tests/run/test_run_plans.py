@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from support.no_meshing import forbid_meshing
+from support.asserting import forbid_meshing
 from support.phantoms import coarse_phantom
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, read_plan
 from warp_trunk.case import write_case

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from support.refusals import refuses
+from support.asserting import refuses
 from support.small_trunk import small_case
 from warp_trunk.case.rib_coupling import RibCoupling
 from warp_trunk.engine.state import State

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from support.marked_spine import before_and_after
+from support.known_spine import before_and_after
 from support.rrd import column
 from support.small_trunk import boned_case, made_up_increments, small_case
 from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus

@@ -19,8 +19,8 @@ from benchmarking.scaling import measure_size, size_table
 from benchmarking.scenes import scenes_table
 from benchmarking.tables import replaced, short_table
 
+from support.asserting import there
 from support.small_trunk import small_case
-from support.there import there
 from warp_trunk import InputError, RunOptions
 from warp_trunk.run.options import SKIN_RIGIDITY
 from warp_trunk.run.prediction import prepare

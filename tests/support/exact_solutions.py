@@ -1,4 +1,4 @@
-"""Exact equilibria of the stable neo-Hookean energy, each worked out by hand from its stress.
+"""Exact equilibria of the stable neo-Hookean energy, each worked out by hand from its stress, and two solvers.
 
 Lengths in mm, the modulus is 1 kPa: without gravity no displacement depends on it.
 """
@@ -11,10 +11,14 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import root_scalar
 
+from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 
 from .continuum import stable
+from .finite_elements import Solid, equilibrium
 from .meshes import grid, trunk
+from .models import evaluated, gradient_of, model_of, relax
 
 MODULUS = 1.0
 """Young's modulus [kPa]."""
@@ -156,3 +160,33 @@ def hanging(cells: int, nu: float) -> Exact:
     return Exact(
         brick(cells, all_but_the_top), lambda X: np.column_stack([np.zeros((len(X), 2)), curve(X[:, 2])]), GRAVITY
     )
+
+
+@dataclass(frozen=True)
+class Found:
+    """Where a solver ended."""
+
+    displacement: np.ndarray
+    """Of all nodes [mm], shape (nodes, 3)."""
+    energy: float
+    """Elastic, less the work of the weight from rest [mJ]."""
+    forces: np.ndarray
+    """That hold the nodes [N], shape (nodes, 3)."""
+
+
+def by_scikit_fem(trunk: TrunkMesh, start: np.ndarray, nu: float, gravity: float = 0.0) -> Found:
+    solid = Solid(trunk.nodes, trunk.tets, 1e-3 * MODULUS, nu, 1e-9 * DENSITY * gravity)
+    found = equilibrium(solid, start, trunk.prescribed)
+    return Found(found, solid.energy(found), solid.forces(found))
+
+
+def by_warp_trunk(trunk: TrunkMesh, start: np.ndarray, nu: float, gravity: float = 0.0) -> Found:
+    tissue = Tissue(youngs_modulus=MODULUS, poisson_ratio=nu, density=DENSITY)
+    model = model_of(trunk, tissue, threads=1, energy="neo-hookean", gravity=gravity)
+    relaxation, found = relax(model, start, tolerance=1e-9)
+    assert relaxation.status is RelaxStatus.CONVERGED, relaxation
+    state = evaluated(model, found)
+    return Found(found, state.energy().total - model.elements.gravity_at_rest, gradient_of(state))
+
+
+SOLVERS = {"scikit-fem": by_scikit_fem, "warp_trunk": by_warp_trunk}

@@ -1,4 +1,4 @@
-"""A case of a few bones in a whole skin, which passes every check, for tests to spoil."""
+"""A case of a few bones in a whole skin, which passes every check, for tests to spoil; and one without a spine."""
 
 from dataclasses import replace
 from functools import cache
@@ -6,10 +6,13 @@ from functools import cache
 import numpy as np
 
 from warp_trunk.case import Case
-from warp_trunk.case.landmarks import ASIS, Landmarks
+from warp_trunk.case.landmarks import ASIS, NO_LANDMARKS, Landmarks
+from warp_trunk.case.motions import Motion
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.preparation.phantom import straight_trunk
+
+from .synthetic import sphere
 
 BONES = ("T7", "T12", "L3", "rib_left_07", "sternum", "hip_left", "hip_right")
 
@@ -46,4 +49,20 @@ def palpated(case: Case) -> Case:
         bones={name: bone for name, bone in case.bones.items() if name not in ASIS.values()},
         landmarks_before=Landmarks(case.landmarks_before.names, marks + shift),
         landmarks_after=moved(case.landmarks_after),
+    )
+
+
+def part_case(**motions: Motion) -> Case:
+    """`core` in the middle, `front` before it and a small `left` and `right`, 5 mm or more apart."""
+    return Case(
+        name="part",
+        skin=sphere(80.0, (0.0, 0.0, 100.0)),
+        bones={
+            "core": sphere(25.0, (0.0, 20.0, 100.0)),
+            "front": sphere(18.0, (0.0, -45.0, 100.0)),
+            "left": sphere(12.0, (45.0, 0.0, 100.0)),
+            "right": sphere(12.0, (-45.0, 0.0, 100.0)),
+        },
+        landmarks_before=NO_LANDMARKS,
+        motions=motions,
     )

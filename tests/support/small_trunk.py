@@ -4,10 +4,12 @@ The bone is called T10 and has no landmarks of its own, so that it goes where th
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import rerun as rr
 
+from support.known_spine import before_and_after
 from warp_trunk.bone_motion.prescribed_motion import spline_path
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks
@@ -16,6 +18,8 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
 from warp_trunk.meshing import predicted_skin
 from warp_trunk.recording import Recording
+from warp_trunk.run.options import RunOptions
+from warp_trunk.run.patient import PreparedPatient, patient_of
 
 from .meshes import grid, trunk, with_skin
 
@@ -130,3 +134,23 @@ def measured(case, trunk, increment):
     """Measures of a case at an increment."""
     skin = predicted_skin(case, trunk, increment.displacement)
     return measure(skin, case.landmarks_at(increment.load_factor), case.skin)
+
+
+APEX = "T7"
+"""Of its right thoracic curve of 40 degrees, T4 to T11."""
+
+
+def curved_case() -> Case:
+    """A box of tissue with the landmarks of a curved spine; of its bones only a vertebra and a rib are drawn."""
+    _, skin = small_trunk()
+    bones = {
+        name: Surface(skin.vertices * 0.05 + [0.0, 20.0, height], skin.faces)
+        for name, height in (("T8", 200.0), ("rib_left_08", 180.0))
+    }
+    return Case('curved "<i>box</i>"', skin, bones, before_and_after()[0])
+
+
+def small_patient(**options: Any) -> PreparedPatient:
+    """It, made ready on one CPU thread."""
+    trunk = replace(small_trunk()[0], bone_names=("T8",))
+    return patient_of(curved_case(), RunOptions(device="cpu", threads=1, **options), trunk)

@@ -10,7 +10,7 @@ import pytest
 from compare_bodies import CURVES, Outcome, operated, plan_for
 from trunks import read_trunk
 
-from support.there import there
+from support.asserting import there
 from warp_trunk import RunOptions, SpineCurve, make_case
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.simulation import SimulationOptions

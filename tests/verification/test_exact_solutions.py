@@ -6,8 +6,19 @@ import numpy as np
 import pytest
 from skfem import Basis, ElementTetP1
 
-from support.equilibria import SOLVERS, Found
-from support.exact_solutions import Exact, affine, all_around, brick, hanging, pulled, sheared, swollen, the_ends
+from support.exact_solutions import (
+    SOLVERS,
+    Exact,
+    Found,
+    affine,
+    all_around,
+    brick,
+    hanging,
+    pulled,
+    sheared,
+    swollen,
+    the_ends,
+)
 from support.finite_elements import tet_mesh
 from support.meshes import rotation
 

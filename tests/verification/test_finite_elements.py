@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from support.continuum import parts, stable, stress
-from support.equilibria import SOLVERS
+from support.exact_solutions import SOLVERS
 from support.finite_elements import Solid, equilibrium, tangent
 from support.meshes import block, block_with_bone, rotate, rotation
 from warp_trunk.engine.trunk_mesh import TrunkMesh

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from support.refusals import refuses
+from support.asserting import refuses
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, read_plan, write_plan
 from warp_trunk.bone_motion.plan.record import Bound, bounds_of_text, check_bounds, shares_of, with_shares
 

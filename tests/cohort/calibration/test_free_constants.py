@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from support.refusals import refuses
+from support.asserting import refuses
 from support.small_case import small_case
 from warp_trunk.case.tissue_file import constant_of
 from warp_trunk.cohort.calibration.free_constants import FreeConstant, check_free, values_of

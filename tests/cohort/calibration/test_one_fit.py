@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from support.asserting import there
 from support.cohort_cases import cohort_options, turned_case
-from support.there import there
 from warp_trunk.case import write_case
 from warp_trunk.case.tissue_file import constant_of
 from warp_trunk.cohort.calibration.free_constants import FreeConstant

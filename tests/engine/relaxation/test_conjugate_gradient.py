@@ -9,9 +9,8 @@ import pytest
 import warp as wp
 
 from support.continuum import Continuum
-from support.matrices import on_host
 from support.meshes import block_with_bone
-from support.models import evaluated, model_of
+from support.models import evaluated, model_of, on_host
 from support.reference import Reference
 from warp_trunk.engine.linear import BlockMatrix, ConjugateGradient, Dots, Outcome
 from warp_trunk.engine.multigrid import Multigrid

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import SimpleITK
 
+from support.asserting import refuses
 from support.label_maps import write_nrrd
-from support.refusals import refuses
 from warp_trunk.errors import InputError
 from warp_trunk.io.image_files.image_reader import read_labels, read_scan
 

@@ -7,7 +7,7 @@ from PIL import Image
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
-from support.there import there
+from support.asserting import there
 from warp_trunk.geometry.coarsening import without_slivers
 from warp_trunk.geometry.colours import as_colours, coloured_from
 from warp_trunk.geometry.surface import Surface

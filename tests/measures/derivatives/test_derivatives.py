@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from support.asserting import there
 from support.phantoms import whole_phantom
-from support.there import there
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures, back_surface_rotation, measure

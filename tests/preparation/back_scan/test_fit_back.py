@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from support.there import there
+from support.asserting import there
 from warp_trunk.bone_motion.rib_cage import ends
 from warp_trunk.case import Case, read_case, write_case
 from warp_trunk.case.anatomy import VERTEBRAE

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial import KDTree
 
 from support.anatomy import anatomy, anatomy_landmarks
-from support.there import there
+from support.asserting import there
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError

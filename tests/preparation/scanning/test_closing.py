@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from support.asserting import refuses
 from support.partial_scans import scan
-from support.refusals import refuses
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import nearest
 from warp_trunk.geometry.surface import Surface, vertex_areas

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from support.part_phantom import part_case
+from support.small_case import part_case
 from support.synthetic import box, sphere
 from support.trunk_shapes import joined
 from warp_trunk.case import write_case

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from support.asserting import refuses
 from support.meshes import rotation
-from support.refusals import refuses
 from warp_trunk.io.transform_file import read_transform
 
 
