@@ -12,7 +12,7 @@ import polars as pl
 
 from warp_trunk.io.atomic_write import csv_text, json_text, write_whole
 from warp_trunk.measures.comparison import RANGES
-from warp_trunk.measures.quantities import DETECTABLE, MeasureTable
+from warp_trunk.measures.quantities import DETECTABLE
 from warp_trunk.report.page import rendered
 from warp_trunk.report.style import ACTUAL, BEFORE, INK, PREDICTED, RC, file_of, new_figure
 
@@ -25,23 +25,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-_ERROR = ("patients", "mean absolute error", "95 % interval")
-_BASELINES = ("if nothing changed", "by the spline")
-_PARTS = ("T3-T12", "L1-L5", "T4-T12")
-_SHARES = (f"levels within {DETECTABLE:g}°", f"cases within {DETECTABLE:g}°", "levels in their band")
-RANGE_HEAD = ("levels", *_ERROR, *_BASELINES, *_SHARES)
-LEVEL_HEAD = ("level", *_ERROR, "bias", *_BASELINES)
-TREND_HEAD = ("against", "cases", "slope", "correlation", "p")
-CASE_HEAD = ("case", *_PARTS, "skin of the back", "hump: before", "predicted", "actual", "ended")
-_NONE = "–"
-WHAT = {
-    "T3-L5": "T3-L5, whole spine [1]",
-    "T3-T12": "T3-T12, thoracic [1]",
-    "L1-L5": "L1-L5, lumbar [1]",
-    "T4-T12": "T4-T12, thoracic [2]",
-}
-
-
 def cohort_page(rows: Sequence[CaseRow], summary: CohortSummary) -> str:
     """The text of the page; all that comes from files is escaped."""
     from matplotlib import rc_context  # heavy
@@ -49,69 +32,18 @@ def cohort_page(rows: Sequence[CaseRow], summary: CohortSummary) -> str:
     with rc_context(RC):
         drawn = (levels_picture(summary), agreement_picture(rows, summary)) if summary.levels else ()
         drawings = {n: file_of(figure, "svg") for n, figure in zip(("levels", "agreement"), drawn, strict=False)}
+    found = case_errors(errors(rows)).filter(guess="predicted").select("folder", "range", "mean", "sd")
     return rendered(
         "cohort.html",
         drawings,
-        synthetic=summary.synthetic > 0,
-        cases=summary.cases,
-        counted=summary.counted,
-        patients=summary.patients,
-        made_up_cases=summary.synthetic,
-        first=[*worse_parts(summary), *_left_out(rows, summary)],
+        summary=summary,
+        rows=[row for row in rows if row.status != FAILED],
+        errors={(folder, part): error for folder, part, *error in found.iter_rows()},
+        warnings=[*worse_parts(summary), *_left_out(rows, summary)],
         distances=distances_text(summary),
+        against=AGAINST,
         detectable=DETECTABLE,
-        range_head=RANGE_HEAD,
-        range_rows=_range_rows(summary),
-        level_head=LEVEL_HEAD,
-        level_rows=_level_rows(summary),
-        hump=_hump(summary),
-        trend_head=TREND_HEAD,
-        trend_rows=_trend_rows(summary),
-        case_head=CASE_HEAD,
-        case_rows=[_case_row(row) for row in rows if row.status != FAILED],
     )
-
-
-def _range_rows(summary: CohortSummary) -> list[list[str]]:
-    return [
-        [WHAT[name], *_error_cells(one["error"]), plus_minus(one["nothing_changes"]), plus_minus(one["spline"])]
-        + [_percent(one[share]) for share in ("within", "cases_within", "in_band")]
-        for name in WHAT
-        if (one := summary.ranges[name])["error"] is not None
-    ]
-
-
-def _level_rows(summary: CohortSummary) -> list[list[str]]:
-    return [
-        [level, *_error_cells(one.error), f"{one.bias:+z.2f}", f"{one.nothing_changes:.2f}", f"{one.spline:.2f}"]
-        for level, one in summary.levels.items()
-    ]
-
-
-def _trend_rows(summary: CohortSummary) -> list[list[str]]:
-    return [
-        [AGAINST[name], str(line.points), f"{line.slope:+.2g}", f"{line.correlation:+z.2f}", f"{line.p:.2f}"]
-        for name, line in summary.trends.items()
-        if line is not None
-    ]
-
-
-def _case_row(row: CaseRow) -> list[str]:
-    table = MeasureTable(row.measures)
-    parts = {
-        part: (mean, sd)
-        for part, mean, sd in case_errors(errors([row]))
-        .filter(guess="predicted")
-        .select("range", "mean", "sd")
-        .iter_rows()
-    }
-    return [
-        f"{row.folder}: {row.case}" if row.case and row.case != row.folder else row.folder,
-        *(_mean_sd(*parts.get(of, (None, None))) for of in _PARTS),
-        _number(table.value("error", "distance_mean_mm", "back"), " mm"),
-        *(_number(table.value(state, "max_hump_mm")) for state in ("before", "predicted", "actual")),
-        row.status + (", bending" if row.pose == "bending" else ""),
-    ]
 
 
 def _left_out(rows: Sequence[CaseRow], summary: CohortSummary) -> list[str]:
@@ -123,42 +55,9 @@ def _left_out(rows: Sequence[CaseRow], summary: CohortSummary) -> list[str]:
     ]
 
 
-def _hump(summary: CohortSummary) -> str:
-    """The hump in a sentence; empty where none is known."""
-    if summary.hump is None:
-        return ""
-    found, line = summary.hump.agreement, summary.hump.line
-    text = f"Mean absolute error {plus_minus(summary.hump.error)} mm; predicted less actual {found.bias:+z.1f} mm"
-    if found.low is not None and found.high is not None:
-        text += f", 95 % of cases from {found.low:+z.1f} to {found.high:+z.1f} mm"
-    if line is not None:
-        text += f"; correlation {line.correlation:.2f}, slope {line.slope:.2f}"
-    return text + "."
-
-
-def plus_minus(one: Estimate | None) -> str:
+def plus_minus(one: Estimate) -> str:
     """A mean with its standard deviation, if it has one."""
-    return _NONE if one is None else _mean_sd(one.mean, one.sd)
-
-
-def _mean_sd(mean: float | None, sd: float | None) -> str:
-    return _NONE if mean is None else f"{mean:.2f}" + ("" if sd is None else f" ± {sd:.2f}")
-
-
-def _error_cells(one: Estimate | None) -> list[str]:
-    """The cells under `_ERROR`."""
-    if one is None:
-        return [_NONE] * 3
-    interval = _NONE if one.low is None or one.high is None else f"{one.low:.2f} to {one.high:.2f}"
-    return [str(one.patients), plus_minus(one), interval]
-
-
-def _percent(one: Estimate | None) -> str:
-    return _NONE if one is None else f"{100.0 * one.mean:.0f} %"
-
-
-def _number(value: float | None, unit: str = "") -> str:
-    return _NONE if value is None else f"{value:.1f}{unit}"
+    return f"{one.mean:.2f}" + ("" if one.sd is None else f" ± {one.sd:.2f}")
 
 
 SPLINE = "#009e73"

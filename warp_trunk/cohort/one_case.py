@@ -208,9 +208,14 @@ class CaseRow:
         return self.status == CONVERGED and self.pose == "surgery" and self.judged
 
     @property
+    def table(self) -> MeasureTable:
+        """Its numbers, by state, quantity and level."""
+        return MeasureTable(self.measures)
+
+    @property
     def judged(self) -> bool:
         """Whether its actual back is known at any level, or without a spine its actual skin."""
-        table = MeasureTable(self.measures)
+        table = self.table
         known = (*table.values(ACTUAL, "bsr_deg").values(), table.value("error", "distance_mean_mm"))
         return any(value is not None for value in known)
 

@@ -18,7 +18,7 @@ from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.measures import SkinComparison, TrunkMeasures
 from warp_trunk.measures.part import FollowedPoint, agreement_rows, profile, swept_volumes
 from warp_trunk.measures.quantities import ACTUAL, BEFORE, DETECTABLE, EXACT, PREDICTED, QUANTITIES, MeasureTable
-from warp_trunk.measures.rows import MeasureRow, level_rows, number, skin_rows, spine_rows
+from warp_trunk.measures.rows import MISSING, MeasureRow, level_rows, number, skin_rows, spine_rows
 from warp_trunk.measures.skin_quality import LOOK, STRETCH
 
 from .sentences import glance, joined, modelled, not_modelled, option_rows, sentences, value_text
@@ -137,16 +137,18 @@ def _of_run(result: Result, poses: Sequence[TrunkState]) -> dict[str, Any]:
 
 @cache
 def environment(*packages: str) -> Environment:
-    """The templates of some packages; all that they are given is escaped."""
+    """The templates of some packages; all that they are given is escaped. Their filter `number` takes a format."""
     from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
-    return Environment(
+    found = Environment(
         loader=ChoiceLoader([PackageLoader("warp_trunk", package) for package in packages]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    found.filters["number"] = lambda value, form: MISSING if value is None else format(value, form)
+    return found
 
 
 def rendered(template: str, drawings: Mapping[str, bytes], **values: Any) -> str:

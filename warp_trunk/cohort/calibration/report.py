@@ -12,10 +12,6 @@ from warp_trunk.report.page import rendered
 
 from .calibrate import Calibration, Found
 
-FOUND_HEAD = ("constant", "prior", "found", "95 % interval", "from the patients")
-_OTHERS = "with the others' constants"
-HELD_HEAD = ("case", "back: before", _OTHERS, "rotation: before", _OTHERS)
-
 
 def check_file(path: Path) -> None:
     """Raise InputError where the files cannot be written."""
@@ -40,34 +36,11 @@ def write_calibration(path: Path, calibration: Calibration) -> Path:
 
 def calibration_page(calibration: Calibration) -> str:
     """The text of the page; all that comes from files is escaped."""
-    names = [one.name for one in calibration.found]
     return rendered(
         "calibration.html",
         {},
-        synthetic=calibration.synthetic > 0,
-        cases=len(calibration.cases),
-        patients=calibration.patients,
-        poses=" and ".join(calibration.poses),
+        calibration=calibration,
         warnings=warnings_of(calibration),
-        found_head=FOUND_HEAD,
-        found_rows=[
-            [one.name, f"{one.start:.4g}", f"{one.value:.4g}", f"{one.low:.4g} to {one.high:.4g}", _percent(one)]
-            for one in calibration.found
-        ],
-        correlation_head=("", *names),
-        correlation_rows=[
-            [name, *(f"{value:+z.2f}" for value in row)]
-            for name, row in zip(names, calibration.correlation, strict=True)
-        ],
-        rounds=calibration.rounds,
-        before=f"{calibration.skin_before_mm:.2f}",
-        after=f"{calibration.skin_mm:.2f}",
-        held_head=HELD_HEAD,
-        held_rows=[
-            [one.case, f"{one.skin_before_mm:.2f} mm", f"{one.skin_mm:.2f} mm"]
-            + ["–" if angle is None else f"{angle:.2f}°" for angle in (one.bsr_before_deg, one.bsr_deg)]
-            for one in calibration.held_out
-        ],
         gain=gain_text(calibration),
     )
 
