@@ -23,8 +23,9 @@ from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.io.point_files import read_points
 from warp_trunk.measures import measure_back
-from warp_trunk.measures.back import pelvis_axis, vertebrae_on_line
+from warp_trunk.measures.back import vertebrae_on_line
 from warp_trunk.measures.cobb import cobb_angles
+from warp_trunk.measures.markers import BackMarkers, back_markers
 from warp_trunk.measures.spine import spine_of
 from warp_trunk.preparation.deformity.deformity import impose
 from warp_trunk.preparation.deformity.spine_curve import MeasuredSpine, measured_spine
@@ -122,8 +123,9 @@ def compared(folder: Path, bodies: list[Body], turn: float) -> Patient:
     """Measure a patient's back, and that which her spine gives on the body nearest in length."""
     points, markers = read_points(folder / "back.ply"), read_landmarks(folder / "markers.csv")
     real = measure_back(points, read_points(folder / "spinous_line.csv"), markers)
-    spine, way = spine_of_patient(folder, markers, turn)
-    centres = vertebrae_on_line(read_points(folder / "spine_line.csv"), markers)
+    axes = back_markers(markers)
+    spine, way = spine_of_patient(folder, axes, turn)
+    centres = vertebrae_on_line(read_points(folder / "spine_line.csv"), axes)
     long = centres[0, 2] - centres[-1, 2]
     skin, bones, marks = min(bodies, key=lambda body: abs(length(body[2]) - long))
     deformed, _, landmarks = impose(skin, bones, marks, spine)
@@ -137,15 +139,15 @@ def compared(folder: Path, bodies: list[Body], turn: float) -> Patient:
         np.array([[np.nan if value is None else value for value in row[2:]] for row in one.rows()]).T
         for one in (real, imposed)
     ]
-    across = pelvis_axis(markers)[1]
+    across = axes.across
     pelvis = float(np.degrees(np.arctan2(across[1], across[0])))
     return Patient(way, angles[0], angles[1], pelvis, curves["T"], curves["L"])
 
 
-def spine_of_patient(folder: Path, markers: Landmarks, turn: float) -> tuple[MeasuredSpine, np.ndarray]:
+def spine_of_patient(folder: Path, markers: BackMarkers, turn: float) -> tuple[MeasuredSpine, np.ndarray]:
     """The spine in the axes of her pelvis, and its way to the right [mm], shape (17,)."""
     centres = vertebrae_on_line(read_points(folder / "spine_line.csv"), markers)
-    _, (c, s) = pelvis_axis(markers)
+    c, s = markers.across
     body = np.column_stack([centres[:, :2] @ np.array([[c, -s], [s, c]]), centres[:, 2]])
     way = np.interp(body[:, 2], body[[-1, 0], 2], body[[-1, 0], 0]) - body[:, 0]
     return measured_spine(folder.name, body, -np.radians(turn) * way), way

@@ -44,7 +44,7 @@ BROKEN = [
     ("left and right exchanged", exchanged, "PSIS_left must lie left (+x) of PSIS_right", "exchange the names"),
     ("no C7", marker("C7", None), "needs C7, PSIS_left and PSIS_right", "has PSIS_left, PSIS_right"),
     ("no pelvis", marker("PSIS_left", None), "needs C7, PSIS_left", "has C7, PSIS_right"),
-    ("C7 below the pelvis", marker("C7", [0.0, 0.0, -500.0]), "C7 must be 150 to 750 mm above the pelvis", "is -"),
+    ("C7 below the pelvis", marker("C7", [0.0, 0.0, -500.0]), "C7 must be 150 to 750 mm above L5", "is -"),
     ("spine outside the body", lambda p, s, m: (p, s + FORWARD, m), "lies outside the body", "in front"),
     ("spine beside the body", lambda p, s, m: (p, s + LEFT, m), "mm beside the scan", "one frame"),
     ("spine above the body", lambda p, s, m: (p, s + UP, m), "0 points at the heights", "one frame"),

@@ -96,9 +96,9 @@ def test_markers_on_the_skin_do_not_turn_the_back():
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"markers": markers(PSIS_left=None)}, "psis_left and psis_right"),
+        ({"markers": markers(PSIS_left=None)}, "PSIS_left and PSIS_right"),
         ({"markers": markers(PSIS_left=[-70.0, 90.0, 0.0])}, "exchange the names"),
-        ({"markers": markers(C7=None)}, "C7 is needed"),
+        ({"markers": markers(C7=None)}, "needs C7"),
         ({"markers": markers(C7=[0.0, 100.0, 30.0])}, "150 to 750 mm"),
         ({"spine": line()[:20]}, "reach from C7 to L5"),
         ({"back": np.zeros((20, 3))}, "100 or more"),

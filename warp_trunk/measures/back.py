@@ -14,6 +14,7 @@ from warp_trunk.geometry.relief import relief, without_bumps
 from warp_trunk.geometry.section import pieces
 
 from .back_rotation import DualTangent, tangent_of
+from .markers import BackMarkers, back_markers
 from .quantities import Measured
 from .rows import as_text
 from .spine import spine_of
@@ -37,9 +38,6 @@ HEIGHTS = np.array([
 # fmt: on
 """Usual heights of the middles of T1 to L5 below the spinous process of C7, over the way from there to that of L5:
 means of seven bodies, in which the process of C7 is as high as the upper end of T1."""
-FOOT = {"ASIS": 0.065, "PSIS": 0.06}
-"""Height of the spinous process of L5 above the iliac spines over that of C7: ASIS in seven bodies, PSIS in 20
-patients (0.03 to 0.10)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,8 +112,8 @@ def measure_back(
     """Rotation of a back that was scanned alone, by level, from the landmarks of the spine or a line of it.
 
     Sections lie at the height of each vertebra's centroid, or where only a line is known at `HEIGHTS` between the
-    markers C7 and `lower`, the spinous process of L5 (or `FOOT` above the iliac spines). The dual tangent is that
-    of a closed skin (`dual_tangent`). A line on the skin is that of spinous processes. From a line of bodies they
+    markers C7 and `lower`, the spinous process of L5 (see `back_markers`). The dual tangent is that of a closed
+    skin (`dual_tangent`). A line on the skin is that of spinous processes. From a line of bodies they
     are taken to lie where the sagittal plane of the vertebra, turned by `TURN`, meets the skin: within 10 mm (root
     mean square of 20 patients), which changes the slope by 1.7 degrees and the dual tangent by 0.04. Of landmarks
     with pedicles that turn is known. Markers, straps and hair on a scan are flattened (`without_bumps`).
@@ -135,13 +133,13 @@ def measure_back(
         InputError: a missing marker, iliac spines that are exchanged, C7 not above them, or a line that does not
             reach over half of the way.
     """
-    given = (markers, None if isinstance(spine, np.ndarray) else spine)
-    marks = _by_name(*given)
-    pelvis, across = pelvis_axis(*given)
+    line = isinstance(spine, np.ndarray)
+    marks = back_markers(markers) if line else back_markers(markers, spine, spine=False)
+    across = marks.across
     behind = np.array([-across[1], across[0]])
     surface = relief(back, across) if isinstance(back, np.ndarray) else _bare(back, across)
     if isinstance(spine, np.ndarray):
-        levels, centres = VERTEBRAE, _on_line(spine, marks, pelvis.lower())
+        levels, centres = VERTEBRAE, vertebrae_on_line(spine, marks)
         aside = centres[:, :2] @ across
         way = aside - np.interp(centres[:, 2], centres[[-1, 0], 2], aside[[-1, 0]])
         turns, kind = np.radians(TURN) * way, "body line"
@@ -168,7 +166,7 @@ def measure_back(
             tangent = tangent_of(cut.reshape(-1, 2), centre, across)
             slope = _slope(cut, place, across, BESIDE[level[0]])
             measured[level] = BackLevel(float(centre[2]), place, tangent, slope)
-    return BackMeasures(pelvis, kind, measured)
+    return BackMeasures(marks.pair.upper(), kind, measured)
 
 
 def _bare(back: Surface, across: np.ndarray) -> Surface:
@@ -180,56 +178,17 @@ def _bare(back: Surface, across: np.ndarray) -> Surface:
     return replace(back, vertices=without_bumps(back.vertices, across)[0])
 
 
-def _by_name(*tables: Landmarks | None) -> dict[str, np.ndarray]:
-    return {
-        name.lower(): point
-        for table in tables
-        if table is not None
-        for name, point in zip(table.names, table.points, strict=True)
-    }
-
-
-def pelvis_axis(*markers: Landmarks | None) -> tuple[str, np.ndarray]:
-    """Which iliac spines there are, ASIS or PSIS, and the unit vector from the right to the left one seen from
-    above, shape (2,); InputError where neither pair is there or they are exchanged."""
-    marks = _by_name(*markers)
-    for pelvis in ("asis", "psis"):
-        left, right = (marks.get(f"{pelvis}_{side}") for side in ("left", "right"))
-        if left is not None and right is not None:
-            axis = (left - right)[:2]
-            if axis[0] < 20.0:
-                rule = f"{pelvis}_left must lie left (+x) of {pelvis}_right by 20 mm or more"
-                cure = "exchange the names, or give mm and LPS axes"
-                raise InputError(f"markers: {rule}, and lies at {axis[0]:.3g} mm; {cure}")
-            return pelvis.upper(), axis / np.hypot(*axis)
-    raise InputError(
-        f"markers: asis_left and asis_right, or psis_left and psis_right, are needed; there are {', '.join(marks)}"
-    )
-
-
-def vertebrae_on_line(line: np.ndarray, markers: Landmarks) -> np.ndarray:
+def vertebrae_on_line(line: np.ndarray, markers: BackMarkers) -> np.ndarray:
     """Where a line of the spine (n, 3) crosses the usual heights of T1 to L5, shape (17, 3) [mm].
 
     Args:
         line: from C7 to the pelvis [mm].
-        markers: C7 and the iliac spines, see `measure_back`.
+        markers: with those of the spine.
 
     Raises:
-        InputError: as `measure_back`.
+        InputError: a line that does not reach over half of the way.
     """
-    marks = _by_name(markers)
-    return _on_line(line, marks, pelvis_axis(markers)[0].lower())
-
-
-def _on_line(line: np.ndarray, marks: dict[str, np.ndarray], pelvis: str) -> np.ndarray:
-    """Where a line (n, 3) crosses the usual heights of T1 to L5, shape (17, 3) [mm]."""
-    if "c7" not in marks:
-        raise InputError(f"markers: C7 is needed where the spine is a line; there are {', '.join(marks)}")
-    top, iliac = marks["c7"][2], np.mean([marks[f"{pelvis}_{side}"][2] for side in ("left", "right")])
-    foot = marks["lower"][2] if "lower" in marks else iliac + FOOT[pelvis.upper()] * (top - iliac)
-    if not 150.0 <= top - foot <= 750.0:
-        cure = "give markers in mm and LPS axes, +z up"
-        raise InputError(f"markers: C7 must be 150 to 750 mm above L5, and is {top - foot:.4g} mm; {cure}")
+    top, foot = markers.c7[2], markers.foot
     heights = top - HEIGHTS * (top - foot)
     rising = line[np.argsort(line[:, 2])] if line.ndim == 2 and line.shape[1:] == (3,) else np.empty((0, 3))
     reach = min(top, rising[-1, 2]) - max(foot, rising[0, 2]) if len(rising) > 1 else 0.0

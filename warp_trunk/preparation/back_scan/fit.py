@@ -15,13 +15,14 @@ from warp_trunk.geometry.colours import coloured_from_points
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.surface import Surface, corner_areas
 from warp_trunk.geometry.surface_checks import crossings
+from warp_trunk.measures.markers import back_markers
 
 from ..deformity.deformity import carried, grown
 from ..deformity.patient_spine import PatientSpine
 from ..deformity.spine_curve import VertebraPose
 from .body import StraightBody, made_body
 from .bones import all_under_skin, forward_under_skin, ribs_on_vertebrae
-from .frame import PelvisFrame, back_markers, check_on_scan, find_frame
+from .frame import PelvisFrame, check_on_scan, find_frame
 from .scan import BackScan, clean_scan
 from .spine import TURN_SD, PlacedSpine, place_spine, poses_of, turns_of
 from .warping import ScanField, draw_to_scan, on_trunk, seen_by, warp_onto
@@ -98,7 +99,7 @@ def fit_back(
         InputError: a scan, spine or markers that are none of a back, or not in one frame.
     """
     back, line, marks = files
-    held = back_markers(markers, marks)
+    held = back_markers(markers, what=marks)
     scan = clean_scan(points, spine.line, back)
     check_on_scan(markers, scan.points, marks)
     check_inside(scan, spine.line, back, line)
@@ -106,7 +107,7 @@ def fit_back(
     rise: np.ndarray | float = 0.0
     placings = 0
     while True:
-        given = place_spine(spine, markers, body.centres, rise)
+        given = place_spine(spine, held, body.centres, rise)
         frame = find_frame(body, held, given)
         placed = given.turned(frame.rotation.T, frame.shift)
         straight = body.scaled(frame.scale).fitted_to(placed.centres)

@@ -1,4 +1,4 @@
-"""The markers on a back, the size of the patient, and the frame of her pelvis."""
+"""The size of a patient and the frame of her pelvis, from the markers on her back."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
+from warp_trunk.measures.markers import BackMarkers
 
 from .body import StraightBody
 from .spine import PlacedSpine
@@ -73,52 +74,6 @@ def longer_than_high(centres: np.ndarray) -> float:
 
 OFF_SCAN = 20.0
 """A marker of the back is not farther from the scan than this [mm]."""
-_PAIRS = ("asis", "psis")
-
-
-@dataclass(frozen=True, eq=False)
-class BackMarkers:
-    """The markers of a trunk."""
-
-    c7: np.ndarray
-    """The seventh cervical vertebra on the skin [mm], shape (3,)."""
-    pair: str
-    """psis or asis: the iliac spines that hold the pelvis."""
-    left: np.ndarray
-    """The left one on the skin [mm], shape (3,)."""
-    right: np.ndarray
-    """The right one on the skin [mm], shape (3,)."""
-
-    @property
-    def middle(self) -> np.ndarray:
-        """Midway between the iliac spines [mm], shape (3,)."""
-        return 0.5 * (self.left + self.right)
-
-
-def back_markers(marks: Landmarks, what: str = "markers") -> BackMarkers:
-    """The markers by their names, in any case of letters: C7, and PSIS_left and PSIS_right or ASIS_left and so on.
-
-    Where both pairs are given the anterior one holds the pelvis, as rotations are measured against it.
-
-    Raises:
-        InputError: a marker is missing, left and right are exchanged, or C7 is not above the pelvis.
-    """
-    found = {name.lower(): point for name, point in zip(marks.names, marks.points, strict=True)}
-    there = ", ".join(marks.names) or "none"
-    pair = next((one for one in _PAIRS if {f"{one}_left", f"{one}_right"} <= found.keys()), None)
-    if "c7" not in found or pair is None:
-        needed = "C7, PSIS_left and PSIS_right (or ASIS_left and ASIS_right)"
-        raise InputError(f"{what}: needs {needed}, and has {there}; add what is missing")
-    left, right = found[f"{pair}_left"], found[f"{pair}_right"]
-    if not left[0] - right[0] > 0.5 * np.linalg.norm(left - right):
-        rule = f"{pair.upper()}_left must lie left (+x) of {pair.upper()}_right"
-        cure = "exchange the names, or turn the scan into LPS axes"
-        raise InputError(f"{what}: {rule}, and lies at x = {left[0]:.0f} for {right[0]:.0f} mm; {cure}")
-    rise = float(found["c7"][2] - max(left[2], right[2]))
-    if not 150.0 <= rise <= 750.0:
-        cure = "give mm and LPS axes, +z up"
-        raise InputError(f"{what}: C7 must be 150 to 750 mm above the pelvis, and is {rise:.4g} mm; {cure}")
-    return BackMarkers(found["c7"], pair, left, right)
 
 
 def check_on_scan(marks: Landmarks, points: np.ndarray, what: str = "markers") -> None:

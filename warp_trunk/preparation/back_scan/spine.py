@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from warp_trunk.case.anatomy import VERTEBRAE
-from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.section import arc_length
 from warp_trunk.measures.back import TURN, vertebrae_on_line
+from warp_trunk.measures.markers import BackMarkers
 
 from ..deformity.patient_spine import PatientSpine
 from ..deformity.spine_curve import VertebraPose, smooth_track
@@ -50,16 +50,16 @@ def smoothed(line: np.ndarray) -> np.ndarray:
 
 
 def place_spine(
-    spine: PatientSpine, markers: Landmarks, body: np.ndarray, rise: np.ndarray | float = 0.0
+    spine: PatientSpine, markers: BackMarkers, body: np.ndarray, rise: np.ndarray | float = 0.0
 ) -> PlacedSpine:
     """The vertebrae T1 to L5 of a patient, in the frame of the scan.
 
-    On a mere line their centroids lie at the usual heights between the markers that `measure_back` has. Where
+    On a mere line their centroids lie at the usual heights (`vertebrae_on_line`). Where
     levels are known they lie there; those above go on as in the body.
 
     Args:
         spine: of the patient.
-        markers: C7 and iliac spines.
+        markers: on the back.
         body: middles of T1 to L5 of a straight body, shape (17, 3) [mm].
         rise: how far the centroid of the landmarks of each is above the middle of its body [mm], shape (17,).
     """
