@@ -34,7 +34,7 @@ def test_a_kept_plan_is_the_planned_case(tmp_path: Path) -> None:
     assert ", plan plan_1" in (folder / "case.toml").read_text()
     assert (kept.free_name(), kept.names, kept.views) == ("plan_2", ("plan_1",), {"plan_1": shown})
     better = view()
-    for one in (better, view(2)):  # the second is of another wish
+    for one in (better, view(2)):  # the second is of another state
         kept.improve(one)
     assert kept.views["plan_1"] is better
 

@@ -137,7 +137,7 @@ def until(true: Callable[[], bool], visit: Visit) -> None:
 
 def correction(page: Page) -> int:
     assert page.session.view is not None
-    return page.session.view.wish[f"correction {APEX}"]
+    return page.session.view.state[f"correction {APEX}"]
 
 
 def settled(page: Page) -> bool:

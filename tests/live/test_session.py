@@ -1,4 +1,4 @@
-"""From wishes to views: the latest wins, an impossible one is reported, and the end is that of a simulation."""
+"""From sliders to views: the latest state wins, an impossible one is reported, the end is that of a simulation."""
 
 import threading
 import time
@@ -50,10 +50,10 @@ class Heard(Session):
         with self._more:
             assert self._more.wait_for(wanted, WAIT), self.told[-1:]
 
-    def settled(self, wish: SliderState) -> PlanView:
-        """The view of a wish, relaxed to the end and measured."""
-        self.ask(wish)
-        self.until(lambda: (v := self.view) and v.wish == wish and v.settled and v.measures is not None)
+    def settled(self, state: SliderState) -> PlanView:
+        """The view of a state of the sliders, relaxed to the end and measured."""
+        self.ask(state)
+        self.until(lambda: (v := self.view) and v.state == state and v.settled and v.measures is not None)
         assert self.view is not None
         return self.view
 
@@ -109,11 +109,11 @@ def test_the_end_of_motions_is_that_of_a_simulation_and_a_collision_is_refused()
     options = RunOptions(mesh=MeshOptions(tets=8000, bone_voxel=4.0, cache=False), device="cpu", threads=1)
     handled = with_handles(case)
     with Heard(patient_of(handled, options), MotionSliders(handled)) as session:
-        wish = first_state(session.sliders)
-        session.settled(wish)
-        session.ask({**wish, "front Back mm": 35.0})
+        state = first_state(session.sliders)
+        session.settled(state)
+        session.ask({**state, "front Back mm": 35.0})
         session.until(lambda: session.refusal.startswith("'front' passes"))
-        view = session.settled({**wish, "front Back mm": -7.0, "front Up mm": 1.0})
+        view = session.settled({**state, "front Back mm": -7.0, "front Up mm": 1.0})
     check_end(view, patient_of(case, options))
     assert session.faults == []
 
@@ -140,7 +140,7 @@ def test_a_drag_shows_images_and_skips_what_is_no_longer_wished(patient: Prepare
 def test_a_newer_wish_ends_a_relaxation_that_takes_long(
     patient: PreparedPatient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A far wish whose relaxation never ends by itself, then undo."""
+    """A state far away whose relaxation never ends by itself, then undo."""
     relax = LiveRelaxation.relax
 
     def endless(tissue: LiveRelaxation, tolerance: float, *, confirm: bool, newer: Callable[[], bool]) -> Relaxed:
@@ -155,8 +155,8 @@ def test_a_newer_wish_ends_a_relaxation_that_takes_long(
         near, far = session.corrected(10), session.corrected(95)
         session.settled(near)
         session.ask(far)
-        assert session.planning or getattr(session.view, "wish", None) == far
-        session.until(lambda: getattr(session.view, "wish", None) == far)
+        assert session.planning or getattr(session.view, "state", None) == far
+        session.until(lambda: getattr(session.view, "state", None) == far)
         assert session.view is not None
         assert not session.view.relaxed
         session.settled(near)
@@ -187,11 +187,11 @@ def test_a_fault_of_the_program_is_reported(patient: PreparedPatient, monkeypatc
 def test_another_plan_is_relaxed_beside_that_of_the_sliders(patient: PreparedPatient) -> None:
     beside: list[PlanView] = []
     with Heard(patient) as session:
-        wish = session.corrected(50)
+        state = session.corrected(50)
         session.settled(session.corrected(10))
-        session.relax_beside(SpineSliders(patient.case).surgery(wish), beside.append)
+        session.relax_beside(SpineSliders(patient.case).surgery(state), beside.append)
         wait_for(beside)
-        alone = session.settled(wish)
+        alone = session.settled(state)
     assert beside[0].settled
     assert beside[0].measures is not None
     tolerance = patient.options.simulation.relax.tolerance

@@ -30,9 +30,9 @@ MOTIONS = {"front": Motion(translation=(0.0, -4.0, 0.0), rotation=TURN), "left":
 
 
 def test_sliders_at_rest_move_nothing() -> None:
-    wish = first_state(REST)
-    assert (wish["uiv"], wish["liv"]) == (MAJOR.upper, MAJOR.lower)
-    surgery = REST.surgery(wish)
+    state = first_state(REST)
+    assert (state["uiv"], state["liv"]) == (MAJOR.upper, MAJOR.lower)
+    surgery = REST.surgery(state)
     assert surgery.landmarks_after is surgery.landmarks_before
 
 
@@ -103,9 +103,9 @@ class Gui:
 
 
 def test_a_curve_outside_the_fusion_is_not_planned_and_has_no_effect() -> None:
-    wish = {**first_state(REST), "uiv": "L1", "liv": "L4", CORRECTION: 50}
-    assert REST.plan(wish).curves == ()
-    assert {CORRECTION, DEROTATION} <= REST.without_effect(wish)
+    state = {**first_state(REST), "uiv": "L1", "liv": "L4", CORRECTION: 50}
+    assert REST.plan(state).curves == ()
+    assert {CORRECTION, DEROTATION} <= REST.without_effect(state)
     assert not {CORRECTION, DEROTATION} & REST.without_effect(first_state(REST))
 
 
@@ -121,8 +121,8 @@ def test_sliders_begin_where_a_plan_is() -> None:
     before = CASE.landmarks_before
     turned = abs(axial_rotation(spine_of(before), asis_axis(before))[MAJOR.apex] or 0.0)
     curve = CurvePlan(apex=MAJOR.apex, cobb_after=MAJOR.angle * 0.35, rotation_after=turned * 0.6)
-    wish = first_state(SpineSliders(CASE, Plan(uiv="T3", liv="L2", curves=(curve,), kyphosis_T5_T12=31.4)))
-    assert (wish[CORRECTION], wish[DEROTATION], wish["kyphosis"]) == (65, 40, 31)
+    state = first_state(SpineSliders(CASE, Plan(uiv="T3", liv="L2", curves=(curve,), kyphosis_T5_T12=31.4)))
+    assert (state[CORRECTION], state[DEROTATION], state["kyphosis"]) == (65, 40, 31)
     beside = CurvePlan(apex=MAJOR.upper, correction=0.5)  # another level of the curve
     asked = first_state(SpineSliders(CASE, Plan(uiv="T3", liv="L2", curves=(beside,))))
     assert (asked[CORRECTION], asked[DEROTATION]) == (50, 0)
@@ -134,11 +134,11 @@ def test_sliders_stand_where_the_motions_of_the_case_are() -> None:
     rows: tuple = tuple(map(tuple, shift.as_matrix().tolist()))
     case = part_case(**MOTIONS, right=Motion(transform=rows, large=True))
     sliders = MotionSliders(case)
-    wish = first_state(sliders)
-    assert [wish[f"front {label}"] for label in ("Pitch °", "Roll °", "Yaw °")] == pytest.approx([0.0, 0.0, 5.0])
-    assert wish["left front"] == 50.0
-    assert sliders.motions(wish)["right"].large
-    given, found = rigid_motions(case.motions), rigid_motions(sliders.motions(wish))
+    state = first_state(sliders)
+    assert [state[f"front {label}"] for label in ("Pitch °", "Roll °", "Yaw °")] == pytest.approx([0.0, 0.0, 5.0])
+    assert state["left front"] == 50.0
+    assert sliders.motions(state)["right"].large
+    given, found = rigid_motions(case.motions), rigid_motions(sliders.motions(state))
     for bone, motion in given.items():
         np.testing.assert_allclose(found[bone].as_matrix(), motion.as_matrix(), atol=1e-6)
 

@@ -76,7 +76,7 @@ class KeptPlans:
         return folder
 
     def improve(self, view: PlanView) -> None:
-        """Takes a better view of the same wish in place of the one that was kept."""
+        """Takes a better view of the same state in place of the one that was kept."""
         self.views |= {name: view for name, kept in self.views.items() if kept.number == view.number}
 
 

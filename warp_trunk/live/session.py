@@ -1,4 +1,4 @@
-"""From a wish to its views: one thread plans and shows the image, one owns the model, one measures."""
+"""From sliders to views: one thread plans and shows the image, one owns the model, one measures."""
 
 import logging
 import threading
@@ -26,7 +26,7 @@ from .sliders import MotionPlan, Sliders, SliderState
 FIRST = {"cpu": 1.0, "cuda": 0.1}
 """Tolerance of a relaxation while sliders may still move, by the kind of device [mm]."""
 DRAG = 0.3
-"""A relaxation goes on for so long [s] beside a newer wish, so that skins follow a slider; then that ends it."""
+"""A relaxation goes on for so long [s] beside a newer state of the sliders, so that skins follow a slider."""
 REST = 0.3
 """Sliders that have not moved for so long [s] are taken to rest: only then is the skin relaxed to the end."""
 PAUSE = 0.1
@@ -96,8 +96,8 @@ class PlanView:
     """The view of a plan: its best result so far."""
 
     number: int
-    """Of its wish, from 1; views of one wish get better. 0 for a plan that no slider asked for."""
-    wish: SliderState
+    """Of its state, from 1; views of one state get better. 0 for a plan that no slider asked for."""
+    state: SliderState
     """Where the sliders stood."""
     surgery: PlannedSurgery | MotionPlan
     """The planned motion of each vertebra or bone."""
@@ -131,20 +131,20 @@ class Session:
 
         Args:
             patient: made ready; the session owns her model from now on.
-            sliders: what a wish means.
+            sliders: what their state means.
             changed: called after `view`, `refusal` or `measures` changed, never twice at the same time.
             report_error: called if a thread ended by a fault of the program.
         """
         self.view: PlanView | None = None
         """The latest plan that is possible, as it is known."""
         self.refusal = ""
-        """Why a newer wish cannot be met, and what is the nearest, in a sentence; else empty."""
+        """Why a newer state of the sliders cannot be met, and what is the nearest, in a sentence; else empty."""
         self.planning = False
-        """Whether there is a newer wish whose plan is not found yet."""
+        """Whether there is a newer state whose plan is not found yet."""
         self.measures: TrunkMeasures | None = None
-        """Measures of the skin relaxed last, which may be that of an older wish."""
+        """Measures of the skin relaxed last, which may be that of an older state."""
         self._patient, self._sliders, self._on_change = patient, sliders, changed
-        self._wishes: Latest[SliderState] = Latest()
+        self._states: Latest[SliderState] = Latest()
         self._jobs: Latest[PlanView] = Latest()
         self._relaxed: Latest[PlanView] = Latest(PAUSE)
         self._asides: deque[tuple[PlanView, Callable[[PlanView], None]]] = deque()
@@ -163,17 +163,17 @@ class Session:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for place in (self._wishes, self._jobs, self._relaxed):
+        for place in (self._states, self._jobs, self._relaxed):
             place.close()
         for thread in self._threads:
             thread.join()
         self._limits.restore_original_limits()
 
-    def ask(self, wish: SliderState) -> None:
+    def ask(self, state: SliderState) -> None:
         """Asks for a plan, in place of what was asked for before."""
-        self._wishes.put(wish)
+        self._states.put(state)
         with self._lock:
-            if self._wishes.waits and not self.planning:
+            if self._states.waits and not self.planning:
                 self.planning = True
                 self._on_change()
 
@@ -183,14 +183,14 @@ class Session:
         if self._planned is not None:
             self._jobs.put(self._planned)  # wakes the solver thread
 
-    def _image(self, number: int, wish: SliderState, surgery: Any) -> PlanView:
+    def _image(self, number: int, state: SliderState, surgery: Any) -> PlanView:
         warnings = ()
         if isinstance(surgery, PlannedSurgery):
             curves = curve_warnings(surgery.landmarks_before, surgery.landmarks_after)
             warnings = (*surgery.warnings, *curves)
         patient = self._patient
         motions = motions_of(surgery.planned_case(patient.case), patient.skeleton, patient.options.bones)
-        return PlanView(number, wish, surgery, motions, *self._images.of(surgery.landmarks_after), warnings)
+        return PlanView(number, state, surgery, motions, *self._images.of(surgery.landmarks_after), warnings)
 
     def _show(self, view: PlanView) -> None:
         if self.view is None or view.number > self.view.number:
@@ -199,19 +199,19 @@ class Session:
         self._on_change()
 
     def _plan(self) -> None:
-        while (wish := self._wishes.take()) is not None:
+        while (state := self._states.take()) is not None:
             try:
-                surgery = self._sliders.surgery(wish)
+                surgery = self._sliders.surgery(state)
             except InputError as error:
                 with self._lock:
-                    self.planning = self._wishes.waits
+                    self.planning = self._states.waits
                     self.refusal = str(error).removeprefix("plan: ").removeprefix("motions: ")
                     self._on_change()
                 continue
             with self._lock:
                 number = 1 if self._planned is None else self._planned.number + 1
-                self._planned = job = self._image(number, wish, surgery)
-                self.planning = self._wishes.waits
+                self._planned = job = self._image(number, state, surgery)
+                self.planning = self._states.waits
                 if self._on_gpu:  # which relaxes it while its image is drawn; CPU cores would do both later
                     self._jobs.put(job)
                 self._show(job)
@@ -241,7 +241,7 @@ class Session:
                 continue
 
     def _newer_for(self, seconds: float) -> Callable[[], bool]:
-        """Whether the page ends, or a newer wish has waited until so long from now [s]."""
+        """Whether the page ends, or a newer state has waited until so long from now [s]."""
         end = time.monotonic() + seconds
         return lambda: self._jobs.closed or (self._jobs.waits and time.monotonic() > end)
 

@@ -37,7 +37,7 @@ COMPONENTS = ("Left mm", "Back mm", "Up mm", "Pitch °", "Roll °", "Yaw °")
 PAUSE = 2.0
 """A slider that rests for so long [s] has been released, as has one when another moves: undo returns to there."""
 MOST_UNDO = 100
-"""Number of wishes that can be undone."""
+"""Number of states of the sliders that can be undone."""
 _STILL = Motion(transform=((1.0, 0, 0, 0), (0, 1.0, 0, 0), (0, 0, 1.0, 0), (0, 0, 0, 1.0)))
 
 
@@ -155,7 +155,7 @@ class SpineSliders:
             span = (min(least, self._still, first), max(most, self._still, first), step)
             self.controls["kyphosis"] = Control("Kyphosis", "T5-T12 °", first, span, hint=hint)
 
-    def plan(self, wish: SliderState) -> Plan:
+    def plan(self, state: SliderState) -> Plan:
         """The plan of the controls; what they do not say is that of the first plan.
 
         A curve in the fusion at 0 % keeps its angle, and an apex at 0 % is not turned on purpose. With all sliders
@@ -164,29 +164,29 @@ class SpineSliders:
         Raises:
             InputError: levels in the wrong order, or a number that no slider has.
         """
-        ends = {"uiv": wish["uiv"], "liv": wish["liv"]}
+        ends = {"uiv": state["uiv"], "liv": state["liv"]}
         plan = replace(self._base or Plan(**ends), **ends, curves=(), kyphosis_T5_T12=None)
         curves = []
         for apex in self._curves:
             if rank(plan.uiv) <= rank(apex) <= rank(plan.liv):
-                correction, derotation = (wish[f"{name} {apex}"] / 100.0 for name in ("correction", "derotation"))
+                correction, derotation = (state[f"{name} {apex}"] / 100.0 for name in ("correction", "derotation"))
                 curves.append(CurvePlan(apex, correction=correction, derotation=derotation or None))
-        kept = "kyphosis" not in wish or wish["kyphosis"] == self._still
+        kept = "kyphosis" not in state or state["kyphosis"] == self._still
         if kept and not any(curve.correction or curve.derotation for curve in curves):
             return plan
-        return replace(plan, curves=curves, kyphosis_T5_T12=None if kept else float(wish["kyphosis"]))
+        return replace(plan, curves=curves, kyphosis_T5_T12=None if kept else float(state["kyphosis"]))
 
-    def surgery(self, wish: SliderState) -> PlannedSurgery:
+    def surgery(self, state: SliderState) -> PlannedSurgery:
         """The surgery that the controls ask for; InputError if the spine cannot meet it."""
-        return self.of_plan(self.plan(wish))
+        return self.of_plan(self.plan(state))
 
     def of_plan(self, plan: Plan) -> PlannedSurgery:
         """The surgery that a plan asks for; InputError if the spine cannot meet it."""
         return self._planner.plan(plan)
 
-    def without_effect(self, wish: SliderState) -> set[str]:
+    def without_effect(self, state: SliderState) -> set[str]:
         """The controls of curves outside the fusion, which follow by themselves."""
-        uiv, liv = rank(wish["uiv"]), rank(wish["liv"])
+        uiv, liv = rank(state["uiv"]), rank(state["liv"])
         outside = [apex for apex in self._curves if not uiv <= rank(apex) <= liv]
         return {f"{name} {apex}" for apex in outside for name in ("correction", "derotation")}
 
@@ -235,16 +235,16 @@ class MotionSliders:
                     most = max(REACH, math.ceil(2.0 * abs(value)))
                     self.controls[f"{bone} {label}"] = Control(bone, label, value, (-most, most, 0.1))
 
-    def motions(self, wish: SliderState) -> dict[str, Motion]:
+    def motions(self, state: SliderState) -> dict[str, Motion]:
         """The motions that the controls describe, by bone."""
-        return {bone: self._motion(bone, given, wish) for bone, given in self._case.motions.items()}
+        return {bone: self._motion(bone, given, state) for bone, given in self._case.motions.items()}
 
-    def _motion(self, bone: str, given: Motion, wish: SliderState) -> Motion:
+    def _motion(self, bone: str, given: Motion, state: SliderState) -> Motion:
         if given.follows is not None:
-            shares = {other: wish[f"{bone} {other}"] / 100.0 for other in given.follows}
+            shares = {other: state[f"{bone} {other}"] / 100.0 for other in given.follows}
             shares = {other: share for other, share in shares.items() if share > 0.0}
             return Motion(follows=shares) if shares else _STILL
-        x, y, z, *rotation = (wish[f"{bone} {label}"] for label in COMPONENTS)
+        x, y, z, *rotation = (state[f"{bone} {label}"] for label in COMPONENTS)
         degrees = float(np.linalg.norm(rotation))
         if not (degrees or x or y or z):
             return _STILL
@@ -252,9 +252,9 @@ class MotionSliders:
         turn = Turn(degrees=degrees, axis=axis, point=self._points[bone]) if degrees else None
         return Motion(translation=(x, y, z), rotation=turn, large=given.large)
 
-    def surgery(self, wish: SliderState) -> MotionPlan:
+    def surgery(self, state: SliderState) -> MotionPlan:
         """Where the controls take the bones; InputError if they cannot move like this."""
-        return plan_motions(self._case, self.motions(wish), self._skeleton)
+        return plan_motions(self._case, self.motions(state), self._skeleton)
 
     def without_effect(self, _: SliderState) -> set[str]:
         """None of the controls."""
@@ -278,11 +278,11 @@ class Controls:
         Args:
             gui: the page.
             sliders: what can be set.
-            changed: called with each wish, from any thread.
+            changed: called with each state, from any thread.
         """
         self._sliders, self._changed = sliders, changed
         self._lock, self._setting = threading.RLock(), False
-        self._wish, self._past, self._last = first_state(sliders), list[SliderState](), 0.0
+        self._state, self._past, self._last = first_state(sliders), list[SliderState](), 0.0
         self._dragged = set[str]()
         self._handles: dict[str, Any] = {}
         for folder, group in groupby(sliders.controls.items(), key=lambda item: item[1].folder):
@@ -302,31 +302,31 @@ class Controls:
         """Return to the previous resting position of the sliders."""
         with self._lock:
             if self._past:
-                self._wish, self._last, self._setting = self._past.pop(), 0.0, True
+                self._state, self._last, self._setting = self._past.pop(), 0.0, True
                 try:
-                    for name, value in self._wish.items():
+                    for name, value in self._state.items():
                         self._handles[name].value = value
                 finally:
                     self._setting = False
                 self._enable()
-                self._changed(self._wish)
+                self._changed(self._state)
 
     def _moved(self, _: object) -> None:
         with self._lock:
-            wish = {name: handle.value for name, handle in self._handles.items()}
-            if self._setting or wish == self._wish:
+            state = {name: handle.value for name, handle in self._handles.items()}
+            if self._setting or state == self._state:
                 return
             now = time.monotonic()
-            changed = {name for name in wish if wish[name] != self._wish[name]}
+            changed = {name for name in state if state[name] != self._state[name]}
             if changed != self._dragged or now - self._last > PAUSE:
-                self._past = [*self._past[1 - MOST_UNDO :], self._wish]
-            self._wish, self._last, self._dragged = wish, now, changed
+                self._past = [*self._past[1 - MOST_UNDO :], self._state]
+            self._state, self._last, self._dragged = state, now, changed
             self._enable()
-            self._changed(wish)
+            self._changed(state)
 
     def _enable(self) -> None:
         """Disable the controls that have no effect."""
         self._undo.disabled = not self._past
-        unused = self._sliders.without_effect(self._wish)
+        unused = self._sliders.without_effect(self._state)
         for name, handle in self._handles.items():
             handle.disabled = name in unused
