@@ -119,7 +119,9 @@ def test_a_disk_that_fills_up_ends_in_one_line_and_leaves_no_half(case, tmp_path
     arguments = ["register", "--skin", str(case / "skin.ply"), *markers, "--out", str(tmp_path / "out.ply")]
     assert main(arguments) == 1
     (line,) = capsys.readouterr().err.splitlines()
-    assert "No space left" in line
+    assert line.startswith(
+        f"warp-trunk: {tmp_path / 'out.ply'}: No space left on device; free some space there, or"
+    )
     assert sorted(tmp_path.iterdir()) == before
 
 
@@ -186,6 +188,8 @@ FILMS = [
     ("a column less", "pa.csv", "name,u\na,1\n", "the first line must name the columns name,u,v"),
     ("rows of other lengths", "pa.txt", "1 2 3 4\n1 2\n1 2 3 4\n", "pa.txt: cannot be read"),
     ("no source", "pa.txt", "1 0 0 4\n1 0 0 4\n0 0 1 4\n", "must be a regular matrix"),
+    ("three columns", "pa.txt", "1 2 3\n4 5 6\n", "pa.txt", "3 by 4"),
+    ("not finite", "pa.txt", "1 0 0 0\n0 nan 0 5\n0 0 1 0\n", "pa.txt", "finite"),
     ("other landmarks", "pa.csv", "name,u,v\na,1,2\n", "pa.csv"),
 ]
 

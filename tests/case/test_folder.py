@@ -1,6 +1,5 @@
-"""A case folder is written and read back; a case without a plan, and films of side bending."""
+"""A case folder is written and read back; names of its files that are nearly those of bones."""
 
-import dataclasses
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import pytest
 from support.asserting import there
 from support.small_case import small_case
 from warp_trunk.case import Axes, Case, read_case, write_case
+from warp_trunk.case.anatomy import check_file_names
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
@@ -21,10 +21,8 @@ def assert_equal(one: Case, other: Case) -> None:
     for a, b in [(one.skin, other.skin), *((one.bones[n], other.bones[n]) for n in one.bones)]:
         np.testing.assert_array_equal(a.vertices, b.vertices)
         np.testing.assert_array_equal(a.faces, b.faces)
-    for a, b in (
-        (one.landmarks_before, other.landmarks_before),
-        (one.planned_landmarks, other.planned_landmarks),
-    ):
+    for key in ("landmarks_before", "planned_landmarks"):
+        a, b = getattr(one, key), getattr(other, key)
         assert a.names == b.names
         np.testing.assert_array_equal(a.points, b.points)
 
@@ -49,11 +47,18 @@ def test_a_case_that_was_not_written_to_its_end_is_none(tmp_path, monkeypatch):
 
 def test_round_trip_keeps_every_bit(tmp_path):
     skin = small_case().skin
-    case = replace(small_case(), actual_skin=Surface(skin.vertices / 3.0 * 3.1, skin.faces))
+    before = small_case().landmarks_before
+    some = Landmarks(before.names[:6], before.points[:6] + np.array([3.0, 0.0, 1.0]))
+    actual = Surface(skin.vertices / 3.0 * 3.1, skin.faces)
+    case = replace(small_case(), actual_skin=actual, bending_left=some)
     write_case(tmp_path, case)
     back = read_case(tmp_path)
     assert_equal(back, case)
-    np.testing.assert_array_equal(there(back.actual_skin).vertices, skin.vertices / 3.0 * 3.1)
+    np.testing.assert_array_equal(there(back.actual_skin).vertices, actual.vertices)
+    left = there(back.bending_left)
+    assert left.names == some.names
+    np.testing.assert_array_equal(left.points, some.points)
+    assert back.bending_right is None
     write_case(tmp_path, case)  # over itself
 
 
@@ -112,23 +117,28 @@ def test_writing_does_not_mix_two_cases(tmp_path):
     assert not (tmp_path / "other").exists()
 
 
-def unplanned():
-    return dataclasses.replace(small_case(), landmarks_after=None)
-
-
 def test_a_case_without_a_plan_has_no_landmarks_of_an_earlier_one(tmp_path: Path) -> None:
     write_case(tmp_path, small_case())
-    write_case(tmp_path, unplanned())
+    write_case(tmp_path, replace(small_case(), landmarks_after=None))
     assert not (tmp_path / "landmarks_after.csv").exists()
     assert read_case(tmp_path).landmarks_after is None
 
 
-def test_side_bending_comes_back(tmp_path: Path) -> None:
-    before = small_case().landmarks_before
-    some = Landmarks(before.names[:6], before.points[:6] + np.array([3.0, 0.0, 1.0]))
-    write_case(tmp_path, dataclasses.replace(unplanned(), bending_left=some))
-    read = read_case(tmp_path)
-    left = there(read.bending_left)
-    assert left.names == some.names
-    np.testing.assert_array_equal(left.points, some.points)
-    assert read.bending_right is None
+@pytest.mark.parametrize(
+    ("name", "bone"),
+    [
+        ("t8", "T8"), ("T08", "T8"), ("T_8", "T8"), ("vertebrae_T8", "T8"), ("l5 vertebra", "L5"),
+        ("rib_left_1", "rib_left_01"), ("Rib-Right-12", "rib_right_12"), ("left_rib_1", "rib_left_01"),
+        ("Sacrum", "sacrum"), ("left hip", "hip_left"), ("HIP_RIGHT", "hip_right"),
+        ("Th8", "T8"), ("D8", "T8"), ("T8 copy", "T8"), ("L5_bone", "L5"), ("rib_l_07", "rib_left_07"),
+        ("hip_r", "hip_right"), ("pelvis_left", "hip_left"), ("os sacrum", "sacrum"),
+    ],
+)  # fmt: skip
+def test_a_file_called_nearly_as_a_bone_is_named(name, bone):
+    with pytest.raises(InputError, match=rf"a case calls this bone {bone}; rename the file to {bone}\.stl"):
+        check_file_names({name: Path(f"bones/{name}.stl")})
+
+
+def test_other_names_stay():
+    names = ("T8", "rib_left_01", "mandible", "sternum_upper", "hip_left_lower", "T7x", "S1", "bone 12", "")
+    check_file_names({name: Path(name) for name in names})

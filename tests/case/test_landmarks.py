@@ -57,15 +57,6 @@ def test_slicer_markups_come_in_the_axes_they_name(tmp_path, system, sign):
     np.testing.assert_array_equal(read.points, [[sign * 1.5, sign * -2.0, 3.0], [sign * 4.0, sign * 5.0, 6.0]])
 
 
-def test_slicer_markups_keep_their_units_and_leave_out_what_was_not_placed(tmp_path):
-    content = markups([("T7_a", [1.0, 2.0, 3.0]), ("T8_a", [0.0, 0.0, 0.0])], coordinateUnits="cm")
-    content["markups"][0]["controlPoints"][1]["positionStatus"] = "undefined"
-    (tmp_path / "a.mrk.json").write_text(json.dumps(content))
-    read = read_landmarks(tmp_path / "a.mrk.json")
-    assert read.names == ("T7_a",)
-    np.testing.assert_array_equal(read.points, [[10.0, 20.0, 30.0]])
-
-
 @pytest.mark.parametrize(("system", "sign"), [("LPS", 1.0), ("RAS", -1.0), ("0", -1.0)])
 def test_older_slicer_files_come_in_the_axes_they_name(tmp_path, system, sign):
     (tmp_path / "a.fcsv").write_text(
@@ -96,12 +87,8 @@ def points(*rows, system="LPS", **more):
         ("a.csv", "name,x,x,y,z\n", "once each, not 'name,x,x,y,z'"),
         ("a.csv", "", "once each, not ''"),
         ("a.csv", "name,x,y,z\n", "there is no point in it"),
-        ("a.csv", "name,x,y,z\nT1_a,1,2\n", "line 2: a landmark is name,x,y,z, not 'T1_a,1,2'"),
         ("a.csv", "name,x,y,z\n,1,2,3\n", "line 2: a point has a name of letters in one line, not ''"),
         ("a.csv", "name,x,y,z\nT1_a,1,2,3\n\nT1_a,4,5,6\n", "line 4: 'T1_a' is the name of a point above"),
-        ("a.csv", "name,x,y,z\nT1_a,1,2,three\n", "z of 'T1_a' must be a finite number within 1e+07, not 'three'"),
-        ("a.csv", "name,x,y,z\nT1_a,-inf,2,3\n", "line 2: x of 'T1_a' must be a finite number"),
-        ("a.mrk.json", "[" * 100_000, "cannot be read as markups"),
         ("a.mrk.json", "[1]", "Expected `object`, got `array`"),
         ("a.mrk.json", points(), "there is no point"),
         ("a.mrk.json", points(("", [1, 2, 3])), "point 1: a point has a name of letters"),
@@ -109,8 +96,8 @@ def points(*rows, system="LPS", **more):
         ("a.mrk.json", points(("a", [1, 2, 1e8])), "z of 'a' must be a finite number"),
         ("a.mrk.json", points(("a", [1, 2, 3]), system="IJK"), "must be LPS or RAS, not 'IJK'"),
         ("a.mrk.json", points(("a", [1, 2, 3]), coordinateUnits="inch"), "'coordinateUnits' must be mm, cm, m"),
+        ("a.mrk.json", points(("a", [1, 2, 3]), coordinateUnits=["mm", "mm", "um"]), "the same axes and units"),
         ("a.fcsv", "# CoordinateSystem = LPS\n0,1,2,nan,0,0,0,1,1,1,0,a\n", "z of 'a' must be a finite number"),
-        ("a.fcsv", "0,1,2,3\n", "does not say '# CoordinateSystem"),
         ("a.fcsv", "# CoordinateSystem = LPS\n0,1,2\n", "a point is id,x,y,z"),
         ("a.fcsv", "# CoordinateSystem = LPS\n# columns = id,x,label\n", "must name x, y, z and label"),
     ],
@@ -138,13 +125,10 @@ def test_landmarks_in_two_files_of_a_folder_are_refused(tmp_path):
     ],
 )  # fmt: skip
 def test_slicer_markups_in_every_form_of_unit(units, size, tmp_path):
-    """A word, one for each axis, or a code with its scheme and meaning."""
-    (tmp_path / "a.mrk.json").write_text(points(("T7_a", [1.0, -2.0, 3.0]), coordinateUnits=units))
+    """A word, one for each axis, or a code with its scheme and meaning; a point that was not placed stays out."""
+    content = markups([("T7_a", [1.0, -2.0, 3.0]), ("T8_a", [0.0, 0.0, 0.0])], coordinateUnits=units)
+    content["markups"][0]["controlPoints"][1]["positionStatus"] = "undefined"
+    (tmp_path / "a.mrk.json").write_text(json.dumps(content))
     read = read_landmarks(tmp_path / "a.mrk.json")
+    assert read.names == ("T7_a",)
     np.testing.assert_allclose(read.points, [[size, -2.0 * size, 3.0 * size]], rtol=1e-15)
-
-
-def test_axes_of_different_units_are_refused(tmp_path):
-    (tmp_path / "a.mrk.json").write_text(points(("a", [1, 2, 3]), coordinateUnits=["mm", "mm", "um"]))
-    with pytest.raises(InputError, match="must be in the same axes and units"):
-        read_landmarks(tmp_path / "a.mrk.json")

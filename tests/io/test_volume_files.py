@@ -53,15 +53,25 @@ def sets_of(trunk):
 
 
 @pytest.mark.parametrize("ending", [".vtu", ".vtk", ".xdmf", ".msh", ".inp"])
-def test_free_joints_are_no_skin(ending, trunk, motion, bones, tmp_path):
-    write_volume(tmp_path / f"a{ending}", jointed(trunk), motion, TISSUE)
-    back = read_volume(tmp_path / f"a{ending}", skin_of(trunk), bones)
-    np.testing.assert_array_equal(back.bone, jointed(trunk).bone)
-    assert sets_of(back) == sets_of(trunk)
+def test_a_mesh_comes_back_through_every_format_in_the_axes_that_it_states(ending, trunk, motion, bones, tmp_path):
+    """Also with layers and a free joint, which is no skin."""
+    path = tmp_path / f"a{ending}"
+    for mesh in (trunk, jointed(trunk)):
+        write_volume(path, mesh, motion, TISSUE)
+        back = read_volume(path, skin_of(trunk), bones)
+        np.testing.assert_allclose(back.nodes, trunk.nodes, atol=1e-9)
+        np.testing.assert_array_equal(back.tets, trunk.tets)
+        np.testing.assert_array_equal(back.bone, mesh.bone)
+        assert sets_of(back) == sets_of(trunk)
     if ending not in (".msh", ".inp"):
-        np.testing.assert_allclose(np.asarray(back.tissue), jointed(trunk).tissue)
+        np.testing.assert_allclose(np.asarray(back.tissue), mesh.tissue)
     elif ending == ".msh":
-        np.testing.assert_array_equal(back.tissue, jointed(trunk).tissue.argmax(axis=1))
+        np.testing.assert_array_equal(back.tissue, mesh.tissue.argmax(axis=1))
+    content = path.read_bytes()
+    assert stated_space(ending, content) == "LPS"
+    codes = [" ".join(map(str, name.encode())).encode() for name in ("LPS", "RAS")]
+    path.write_bytes(content.replace(b"LPS", b"RAS").replace(*codes))
+    np.testing.assert_allclose(read_mesh(path).points, trunk.nodes * [-1.0, -1.0, 1.0], atol=1e-9)
 
 
 @pytest.mark.parametrize("ending", [".vtk", ".vtu"])
@@ -121,10 +131,13 @@ def test_groups_of_gmsh_mark_bones(trunk, bones, tmp_path):
     np.testing.assert_array_equal(back.prescribed, np.isin(np.arange(len(trunk.nodes)), trunk.bone_faces))
 
 
-@pytest.mark.parametrize("binary", [False, True])
-@pytest.mark.parametrize("version", [42, 51])
-def test_grids_that_vtk_and_slicer_write_are_read(binary, version, trunk, bones, tmp_path):
-    """Field data, METADATA behind arrays, and SPACE=RAS, by VTK's own writer."""
+LEGACY = [(".vtk", {"FileVersion": version, "FileType": kind}) for version in (42, 51) for kind in (1, 2)]
+XML = [(".vtu", {"DataMode": mode, "EncodeAppendedData": code}) for mode, code in ((0, 1), (1, 1), (2, 1), (2, 0))]
+
+
+@pytest.mark.parametrize(("ending", "settings"), LEGACY + XML)
+def test_grids_that_vtk_and_slicer_write_are_read(ending, settings, trunk, bones, tmp_path):
+    """Field data, strings, METADATA behind arrays, and SPACE=RAS, by VTK's own writers."""
     vtk = pytest.importorskip("vtk")
     ours = pytest.importorskip("vtk.util.numpy_support").numpy_to_vtk
     grid, points = vtk.vtkUnstructuredGrid(), vtk.vtkPoints()
@@ -141,25 +154,15 @@ def test_grids_that_vtk_and_slicer_write_are_read(binary, version, trunk, bones,
         array.SetName(name)
         array.InsertNextValue(value)
         grid.GetFieldData().AddArray(array)
-    writer = vtk.vtkUnstructuredGridWriter()
-    writer.SetFileName(str(tmp_path / "a.vtk"))
-    writer.SetFileVersion(version)
-    writer.SetFileType(2 if binary else 1)
+    writer = vtk.vtkUnstructuredGridWriter() if ending == ".vtk" else vtk.vtkXMLUnstructuredGridWriter()
+    for name, value in settings.items():
+        getattr(writer, f"Set{name}")(value)
+    writer.SetFileName(str(tmp_path / f"a{ending}"))
     writer.SetInputData(grid)
     assert writer.Write()
-    back = read_volume(tmp_path / "a.vtk", skin_of(trunk), bones)
+    back = read_volume(tmp_path / f"a{ending}", skin_of(trunk), bones)
     np.testing.assert_allclose(back.nodes, trunk.nodes, atol=1e-4)
     np.testing.assert_array_equal(back.bone, trunk.bone)
-
-
-@pytest.mark.parametrize("ending", [".vtu", ".vtk", ".xdmf", ".msh", ".inp"])
-def test_a_mesh_comes_back_through_every_format(ending, trunk, motion, bones, tmp_path):
-    write_volume(tmp_path / f"a{ending}", trunk, motion, TISSUE)
-    back = read_volume(tmp_path / f"a{ending}", skin_of(trunk), bones)
-    np.testing.assert_allclose(back.nodes, trunk.nodes, atol=1e-9)
-    np.testing.assert_array_equal(back.tets, trunk.tets)
-    np.testing.assert_array_equal(back.bone, trunk.bone)
-    assert sets_of(back) == sets_of(trunk)
 
 
 def test_abaqus_gets_sets_material_and_every_displacement(trunk, motion, tmp_path):
@@ -184,6 +187,7 @@ def words(element: ElementTree.Element | None) -> list[str]:
 
 def test_febio_gets_a_whole_problem(trunk, motion, tmp_path):
     write_volume(tmp_path / "a.feb", trunk, motion, TISSUE)
+    assert stated_space(".feb", (tmp_path / "a.feb").read_bytes()) == "LPS"
     root = ElementTree.parse(tmp_path / "a.feb").getroot()
     nodes = [list(map(float, words(node))) for node in root.iterfind("Mesh/Nodes/node")]
     np.testing.assert_allclose(nodes, trunk.nodes, rtol=1e-11, atol=1e-9)
@@ -233,45 +237,3 @@ def test_meshes_that_do_not_fit_are_refused(change, rule, trunk, bones, tmp_path
     foreign(tmp_path / "a.vtu", trunk, **{name: make(trunk) for name, make in change.items()})
     with refuses("a.vtu", rule):
         read_volume(tmp_path / "a.vtu", skin_of(trunk), bones)
-
-
-@pytest.mark.parametrize("ending", [".vtu", ".vtk", ".xdmf", ".msh", ".inp", ".feb"])
-def test_every_export_states_its_axes(ending, trunk, motion, bones, tmp_path):
-    """And where they are others, they are heeded."""
-    path = tmp_path / f"a{ending}"
-    write_volume(path, trunk, motion, TISSUE)
-    content = path.read_bytes()
-    assert stated_space(ending, content) == "LPS"
-    if ending == ".feb":
-        return
-    codes = [" ".join(map(str, name.encode())).encode() for name in ("LPS", "RAS")]
-    path.write_bytes(content.replace(b"LPS", b"RAS").replace(*codes))
-    np.testing.assert_allclose(read_mesh(path).points, trunk.nodes * [-1.0, -1.0, 1.0], atol=1e-9)
-
-
-@pytest.mark.parametrize("mode", ["ascii", "binary", "appended", "raw"])
-def test_a_vtu_with_strings_is_read_in_its_axes(mode, trunk, bones, tmp_path):
-    """As 3D Slicer writes one, by VTK's own writer."""
-    vtk = pytest.importorskip("vtk")
-    ours = pytest.importorskip("vtk.util.numpy_support").numpy_to_vtk
-    meshio.write(tmp_path / "b.vtu", meshio.Mesh(trunk.nodes * [-1.0, -1.0, 1.0], [("tetra", trunk.tets)]))
-    reader, writer = vtk.vtkXMLUnstructuredGridReader(), vtk.vtkXMLUnstructuredGridWriter()
-    reader.SetFileName(str(tmp_path / "b.vtu"))
-    reader.Update()
-    grid, space, bone = reader.GetOutput(), vtk.vtkStringArray(), ours(trunk.bone, deep=True)
-    space.SetName("SPACE")
-    space.InsertNextValue("RAS")
-    bone.SetName("bone")
-    time = ours(np.array([0.5]), deep=True)
-    time.SetName("TimeValue")  # of ParaView
-    grid.GetFieldData().AddArray(space)
-    grid.GetFieldData().AddArray(time)
-    grid.GetPointData().AddArray(bone)
-    writer.SetFileName(str(tmp_path / "a.vtu"))
-    writer.SetInputData(grid)
-    writer.SetDataMode({"ascii": 0, "binary": 1}.get(mode, 2))
-    writer.SetEncodeAppendedData(mode != "raw")
-    assert writer.Write()
-    back = read_volume(tmp_path / "a.vtu", skin_of(trunk), bones)
-    np.testing.assert_allclose(back.nodes, trunk.nodes, atol=1e-4)
-    np.testing.assert_array_equal(back.bone, trunk.bone)

@@ -22,6 +22,11 @@ PYRAMID = Surface(
 """The surface that VTK wrote to `vtk_files`; its base is a quadrilateral, 0 2 4 1."""
 
 
+def assert_same_triangles(surface: Surface) -> None:
+    """As the pyramid's, by the places of their corners."""
+    np.testing.assert_allclose(surface.vertices[surface.faces], PYRAMID.vertices[PYRAMID.faces], atol=1e-5)
+
+
 def assert_same(surface: Surface, other: Surface, atol: float = 0.0) -> None:
     np.testing.assert_allclose(surface.vertices, other.vertices, rtol=0, atol=atol)
     np.testing.assert_array_equal(surface.faces, other.faces)
@@ -38,8 +43,7 @@ def test_a_format_that_is_written_comes_back(tmp_path, ending):
     write_surface(tmp_path / f"a.{ending}", PYRAMID)
     back = read_surface(tmp_path / f"a.{ending}")
     if ending == "stl":  # vertices come in the order of the triangles
-        corners = PYRAMID.vertices[PYRAMID.faces]
-        np.testing.assert_allclose(back.vertices[back.faces], corners, atol=1e-5)
+        assert_same_triangles(back)
         assert len(back.vertices) == 5
     else:
         assert_same(back, PYRAMID, 0.0 if ending == "ply" else 1e-5)  # a PLY keeps every bit
@@ -182,10 +186,7 @@ def test_the_axes_that_a_header_states_are_converted(tmp_path, space):
     for name, content in states(space).items():
         path = tmp_path / f"a.{name}"
         path.write_bytes(content)
-        back = read_surface(path)
-        np.testing.assert_allclose(
-            back.vertices[back.faces], PYRAMID.vertices[PYRAMID.faces], atol=1e-5, err_msg=name
-        )
+        assert_same_triangles(read_surface(path))
 
 
 VARIANTS = ["SPACE=RAS", "SPACE = RAS", "space=ras", "Coordinate SPACE=RAS; 5.6", "SPACE=RIGHT-ANTERIOR-SUPERIOR"]
@@ -202,8 +203,7 @@ def test_forms_of_a_stated_space(name, text, ends, tmp_path):
     else:
         content = content.replace(b"3D Slicer output. SPACE=RAS", text.encode()).replace(b"\n", ends.encode())
     (tmp_path / f"a.{name}").write_bytes(content)
-    back = read_surface(tmp_path / f"a.{name}")
-    np.testing.assert_allclose(back.vertices[back.faces], PYRAMID.vertices[PYRAMID.faces], atol=1e-5)
+    assert_same_triangles(read_surface(tmp_path / f"a.{name}"))
 
 
 def test_other_axes_in_a_header_are_refused(tmp_path):

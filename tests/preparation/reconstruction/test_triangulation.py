@@ -8,7 +8,7 @@ from support.biplanar import biplanar, projection_matrix
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.preparation.phantom import straight_trunk
-from warp_trunk.preparation.reconstruction.triangulation import Film, project, read_film, triangulate
+from warp_trunk.preparation.reconstruction.triangulation import Film, project, triangulate
 
 
 @pytest.fixture(scope="module")
@@ -104,18 +104,3 @@ def test_films_that_do_not_fit_are_refused(landmarks, fault: str) -> None:
     change, says = FAULTS[fault]
     with pytest.raises(InputError, match=says):
         triangulate(*change(*biplanar(landmarks), landmarks))
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("1 2 3\n4 5 6\n", "3 by 4"),
-        ("1 0 0 0\n1 0 0 5\n0 0 1 0\n", "regular"),
-        ("1 0 0 0\n0 nan 0 5\n0 0 1 0\n", "finite"),
-    ],
-)
-def test_bad_matrices_are_refused(tmp_path, text: str, message: str) -> None:
-    (tmp_path / "pa.csv").write_text("name,u,v\na,1,2\n")
-    (tmp_path / "pa.txt").write_text(text)
-    with pytest.raises(InputError, match=rf"pa\.txt: .*{message}"):
-        read_film(tmp_path / "pa.csv", tmp_path / "pa.txt")
