@@ -1,10 +1,12 @@
-"""Imports of the package: importing it is cheap."""
+"""Imports of the package: importing it is cheap, and nothing imports what imports it."""
 
 import ast
 import importlib
 import subprocess
 import sys
 import tomllib
+from graphlib import TopologicalSorter
+from importlib.util import resolve_name
 from pathlib import Path
 
 import warp_trunk
@@ -71,3 +73,45 @@ def test_every_other_file_is_listed_for_the_wheel():
     no_source = {".py", ".pyc"}
     others = {path for path in ROOT.rglob("*") if path.is_file() and path.suffix not in no_source}
     assert others == {ROOT.parent / room.replace(".", "/") / name for room in listed for name in listed[room]}
+
+
+def modules():
+    """Every file of the package by the name of its module, without the list of public names."""
+    found = {}
+    for room, name in ((ROOT, "warp_trunk"), (KERNELS, "warp_trunk.kernels")):
+        for path in room.rglob("*.py"):
+            parts = path.relative_to(room).with_suffix("").parts
+            found[".".join([name, *parts]).removesuffix(".__init__")] = path
+    del found["warp_trunk"]
+    return found
+
+
+def imported(module, path, known):
+    """The modules of the package that one imports, also in its functions, but not for types alone."""
+    tree = ast.parse(path.read_text())
+    branches = [n for n in ast.walk(tree) if isinstance(n, ast.If) and ast.unparse(n.test) == "TYPE_CHECKING"]
+    for_types = {node for branch in branches for node in ast.walk(branch)}
+    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+    names = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node not in for_types:
+            source = resolve_name("." * node.level + (node.module or ""), package)
+            names |= {source, *(f"{source}.{alias.name}" for alias in node.names)}
+        elif isinstance(node, ast.Import) and node not in for_types:
+            names |= {alias.name for alias in node.names}
+    return names & known.keys() - {module}
+
+
+def test_imports_run_in_no_circle():
+    """Of modules, nor of packages."""
+    known = modules()
+    assert {"warp_trunk.engine.model", "warp_trunk.kernels.tets", "warp_trunk.errors"} <= known.keys()
+    of_modules = {module: imported(module, path, known) for module, path in known.items()}
+    TopologicalSorter(of_modules).prepare()
+    of_packages = dict[str, set[str]]()
+    for module, others in of_modules.items():
+        package, *_ = module.split(".")[1:]
+        of_packages.setdefault(package, set()).update(other.split(".")[1] for other in others)
+        of_packages[package].discard(package)
+    TopologicalSorter(of_packages).prepare()
+    assert "case" in of_packages["run"]

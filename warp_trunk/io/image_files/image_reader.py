@@ -12,8 +12,6 @@ four layers 2.1 GB; a CT in NIfTI 0.6 GB, in NRRD 1.2 GB, in DICOM 1.2 GB.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -22,6 +20,7 @@ import numpy as np
 from warp_trunk.errors import InputError
 
 from ..file_access import MOST_SURFACE, check_file, parsing
+from .image import Image, Stored
 
 ENDINGS = (".nii", ".nii.gz", ".nrrd")
 """Endings of the files that are read; `.seg.nrrd` is one of `.nrrd`."""
@@ -30,34 +29,6 @@ _MOST_VOXELS = 1_000_000_000
 _MOST_LABEL = 65535
 _SLAB = 4_000_000
 """Voxels converted at a time."""
-
-
-@dataclass(frozen=True, eq=False)
-class Image:
-    """A scan, or the labels of one."""
-
-    layers: np.ndarray
-    """Values, shape (layers, i, j, k); whole numbers. Only segments that overlap need more than one layer."""
-    affine: np.ndarray
-    """Takes the number of a voxel to its centre in LPS [mm], shape (4, 4)."""
-    names: tuple[Mapping[int, str], ...]
-    """For each layer, what its labels are called in the file; empty where the file names none."""
-    notes: tuple[str, ...] = ()
-    """A sentence for each doubt about the file."""
-
-
-@dataclass(frozen=True, eq=False)
-class Stored:
-    """An image as its file stores it, before its voxels are converted."""
-
-    slabs: Callable[[slice], np.ndarray]
-    """Voxels of a range of the last axis, shape (i, j, n) or (layers, i, j, n)."""
-    shape: tuple[int, ...]
-    """(i, j, k), or (layers, i, j, k)."""
-    affine: np.ndarray
-    """From voxels to LPS [mm], shape (4, 4)."""
-    names: tuple[Mapping[int, str], ...] = ({},)
-    notes: tuple[str, ...] = ()
 
 
 def image_ending(path: Path) -> str | None:

@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from .image_reader import Stored
+from .image import Stored
 
 _UNITS = {"mm": 1.0, "meter": 1000.0, "micron": 1e-3, "unknown": 1.0}
 _LPS = np.diag([-1.0, -1.0, 1.0, 1.0])

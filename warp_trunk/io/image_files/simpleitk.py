@@ -11,7 +11,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 
-from .image_reader import Stored
+from .image import Stored
 
 _UNEVEN = 0.1
 """Steps from slice to slice may differ by this [mm]; positions are written with a few digits."""

@@ -18,7 +18,8 @@ from warp_trunk.case.anatomy import SIDES, bone_of_words, words_of
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.file_access import read_text
-from warp_trunk.io.image_files.image_reader import ENDINGS, Image, image_ending, image_stem, read_labels
+from warp_trunk.io.image_files.image import Image
+from warp_trunk.io.image_files.image_reader import ENDINGS, image_ending, image_stem, read_labels
 from warp_trunk.io.surface_files import read_surface, surface_files
 
 from .mask import Mask, boxes, joined
