@@ -183,10 +183,6 @@ def _hessian(formulas: TetFormulas, cuda: bool, positive: bool) -> wp.Kernel:
 
 TET = "t"
 """Stands for the tetrahedra in the lanes."""
-TURNED = PAIRS.index((2, 3))
-"""The pair of corners that may not ascend (`order_corners`): what is kept of the others is never transposed."""
-BLOCKS = len(PAIRS) + 1
-"""Blocks that are kept of a tetrahedron in a lane: those of all pairs, and the transposed one of that pair."""
 
 
 BEGIN = f"""
@@ -227,7 +223,7 @@ SCATTER_GRADIENT = """
 
 TRANSPOSE = f"""
     typedef real run __attribute__((ext_vector_type(8), aligned(sizeof(real))));
-    lanes kept[{LANES}][{BLOCKS + -(-BLOCKS // LANES)}];
+    lanes kept[{LANES}][{len(PAIRS) + -(-len(PAIRS) // LANES)}];
     const auto keep = [&](int k, lanes a, lanes b, lanes c, lanes d, lanes e, lanes f, lanes g, lanes h) {{
         const auto by_one = [](lanes x, lanes y) {{
             return __builtin_shufflevector(x, y, 0, 8, 1, 9, 4, 12, 5, 13);
@@ -255,18 +251,20 @@ TRANSPOSE = f"""
 
 SCATTER_BLOCKS = f"""
         for (int l = 0; l < count; ++l) {{
-            const real* ninth = (const real*)(kept[l] + {BLOCKS});
+            const real* ninth = (const real*)(kept[l] + {len(PAIRS)});
             const wp::int32* to = (const wp::int32*)place_of.data + {len(PAIRS)} * (long)(t + l);
             for (int k = 0; k < {len(PAIRS)}; ++k) {{
-                const int own = k == {TURNED} && to[k] % 2 ? {len(PAIRS)} : k;
+                const lanes own = kept[l][k];
+                const lanes transposed = __builtin_shufflevector(own, own, 0, 3, 6, 1, 4, 7, 2, 5);
                 real* block = out + 9 * (long)(to[k] / 2);
-                *(run*)block += kept[l][own];
-                block[8] += ninth[own];
+                *(run*)block += to[k] % 2 ? transposed : own;
+                block[8] += ninth[k];
             }}
         }}
     }}
 """
-"""Adds what is kept: of each block a run of eight numbers, and after all of them the ninth ones."""
+"""Adds what is kept: of each block a run of eight numbers, and after all of them the ninth ones, which stay where
+they are in the transposed block."""
 
 
 class _Array:
@@ -350,7 +348,6 @@ def hessian_code(formulas: TetFormulas, *, positive: bool) -> str:
     blocks = [oo, oa, ob, oc, aa, ab, ac, bb, bc, cc]
     axes = [(i, j) for i in range(3) for j in range(3)]
     numbers = [[block[i, j] for i, j in axes] for block in blocks]
-    numbers.append([blocks[TURNED][j, i] for i, j in axes])
     ninth = [block.pop() for block in numbers]
     lines, names = emit([*chain(*numbers), *ninth])
     names += [names[-1]] * (-len(names) % LANES)

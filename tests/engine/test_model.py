@@ -93,7 +93,7 @@ def test_order_is_a_permutation_with_free_nodes_first(mesh: TrunkMesh) -> None:
     assert ours == {frozenset(tet) for tet in mesh.tets.tolist()}
     a, b, c, d = model.corners.T
     assert (a < b).all()
-    assert (b < np.minimum(c, d)).all()  # all pairs ascend but (c, d), as the kernels assume
+    assert (b < np.minimum(c, d)).all()  # all pairs ascend but (c, d)
     assert (tet_volumes(model.rest, model.corners) > 0.0).all()
 
 

@@ -8,7 +8,7 @@ import warp as wp
 from warp_trunk.kernels.assembly import COLUMNS, PAIRS, vec10i
 from warp_trunk.kernels.itmsm import itmsm_formulas
 from warp_trunk.kernels.neo_hookean import neo_hookean_formulas
-from warp_trunk.kernels.tets import TURNED, TetFormulas, tet_kernels
+from warp_trunk.kernels.tets import TetFormulas, tet_kernels
 
 from support.meshes import block
 from support.models import model_of
@@ -47,7 +47,7 @@ def blocks(model: Model, kernel: Any, items: int, first: int, end: int) -> np.nd
     """Blocks of corner pairs of a range, some of them transposed, and two of each tetrahedron in one place."""
     places = 2 * np.arange(len(PAIRS) * len(model.corners), dtype=np.int32).reshape(-1, len(PAIRS))
     places[:, 7] = places[:, 2]
-    places[::3, TURNED] += 1
+    places[::3] += 1
     result = model.zeros(wp.types.matrix((3, 3), model.scalar), places.size)
     inputs = [first, end, 1, model.tets, model.elements.arrays, model.array(places, vec10i), displacement(model)]
     wp.launch(kernel, items, inputs, [result], device="cpu")
