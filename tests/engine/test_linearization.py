@@ -136,7 +136,7 @@ def test_parts_of_tissues_against_differences(energy: str) -> None:
     wanted = difference(lambda s: ended(model_for(label=LABEL + s * change), MOVE), 0.0, 1e-4)
     model = model_for()
     linear = Linearization(model, settle(model, MOVE, tolerance=TIGHT), accuracy=1e-10)
-    force_derivatives = linear.force_derivatives([parts_derivative(model, TRUNK.tets, change)])
+    force_derivatives = linear.force_derivatives([parts_derivative(model, change)])
     followed = linear.follow(np.zeros((1, *MOVE.shape)), force_derivatives)[0]
     np.testing.assert_allclose(followed, wanted, rtol=0.0, atol=1e-4 * np.abs(wanted).max())
 
@@ -201,4 +201,4 @@ def test_refusals() -> None:
     with pytest.raises(InputError, match=r"there is no constant 'warmth' of tissue 0"):
         Linearization(model, settle(model, MOVE)).force_derivative(Constant("warmth", 0))
     with pytest.raises(InputError, match="change only where each tetrahedron has a part of every tissue"):
-        parts_derivative(model_of(TRUNK), TRUNK.tets, np.zeros((len(TRUNK.tets), 2)))
+        parts_derivative(model_of(TRUNK), np.zeros((len(TRUNK.tets), 2)))

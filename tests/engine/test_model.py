@@ -7,10 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from support.meshes import block, block_with_bone, grid, single_tet, trunk
-from support.models import half_and_half, model_of
+from support.matrices import on_host
+from support.meshes import block, block_with_bone, grid, single_tet, trunk, with_skin
+from support.models import bent_and_noisy, evaluated, gradient_of, half_and_half, model_of
 from warp_trunk.engine.build import build_model
+from warp_trunk.engine.coupling import Coupling
 from warp_trunk.engine.energies.itmsm import Itmsm
+from warp_trunk.engine.linear import BlockMatrix
 from warp_trunk.engine.tissue import EARTH_GRAVITY, Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
 from warp_trunk.errors import InputError
@@ -91,10 +94,39 @@ def test_order_is_a_permutation_with_free_nodes_first(mesh: TrunkMesh) -> None:
     np.testing.assert_array_equal(model.rest, mesh.nodes[model.order])
     ours = {frozenset(tet) for tet in model.order[model.corners].tolist()}
     assert ours == {frozenset(tet) for tet in mesh.tets.tolist()}
-    a, b, c, d = model.corners.T
-    assert (a < b).all()
-    assert (b < np.minimum(c, d)).all()  # all pairs ascend but (c, d)
+    np.testing.assert_array_equal(model.order[model.corners], mesh.tets[model.tet_order])
     assert (tet_volumes(model.rest, model.corners) > 0.0).all()
+
+
+@pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
+def test_released_nodes_are_free_as_if_they_never_were_on_bone(energy: str) -> None:
+    """Twice in a row; the Hessian over the free nodes, on several threads, and its coupling with the others."""
+    mesh = half_and_half(with_skin(block_with_bone(holes=((1, 2, 2), (3, 2, 2)))))
+    options: dict[str, Any] = {"energy": energy, "skin_rigidity": 50.0, "gravity": 9.81, "threads": 3}
+    tissues, held = [Tissue(), Tissue(youngs_modulus=30.0)], np.flatnonzero(mesh.prescribed)
+    bone, first, second = mesh.bone.copy(), held[::3], held[1::5]
+    bone[first], bone[second] = -1, -1
+    moved = bent_and_noisy(mesh)
+    free_before, found = model_of(mesh, tissues, **options), []
+    released = free_before.released(first).released(second)
+    np.testing.assert_array_equal(released.order[free_before.free], free_before.order[free_before.free])
+    for model in (model_of(replace(mesh, bone=bone), tissues, **options), released):
+        state = evaluated(model, moved)
+        matrix, coupling = BlockMatrix(state), Coupling(state)
+        matrix.assemble_true()
+        free, prescribed = model.order[model.free], model.order[model.prescribed]
+        hessian = np.zeros((len(mesh.nodes), 3, len(mesh.nodes), 3))
+        hessian[np.ix_(free, range(3), free, range(3))] = np.asarray(on_host(matrix).todense()).reshape(
+            len(free), 3, len(free), 3
+        )
+        ones = np.eye(3 * len(prescribed)).reshape(-1, len(prescribed), 3)
+        across = coupling.times(ones).transpose(1, 2, 0).reshape(len(free), 3, len(prescribed), 3)
+        hessian[np.ix_(free, range(3), prescribed, range(3))] = across
+        found.append((state.energy().terms, gradient_of(state), hessian))
+    (energies, gradient, hessian), (energies_released, gradient_released, hessian_released) = found
+    assert energies_released == pytest.approx(energies, rel=1e-12)
+    np.testing.assert_allclose(gradient_released, gradient, atol=1e-12 * np.abs(gradient).max())
+    np.testing.assert_allclose(hessian_released, hessian, atol=1e-12 * np.abs(hessian).max())
 
 
 def itmsm(trunk: TrunkMesh, tissue: Tissue | None = None, gravity: float = 0.0) -> Itmsm:

@@ -78,6 +78,12 @@ def test_surgery_is_measured_from_the_scan_whatever_the_increments() -> None:
     assert np.abs(relax(model, path, tolerance=1e-4)[1] - one).max() < 1e-3
 
 
+def test_nodes_that_come_off_the_bone_are_at_rest_where_gravity_pulls_them_into_the_scan_too() -> None:
+    model = sag_free(standing(), tolerance=1e-4).model.released(np.flatnonzero(BARE.prescribed)[:2])
+    end = settle(model, STILL, tolerance=1e-4).displacement
+    assert np.linalg.norm(end, axis=1).max() < 3e-4
+
+
 def test_the_model_given_is_left_as_it_is() -> None:
     model = standing()
     before = {name: getattr(model.elements, name).numpy() for name in ("rest_edge", "rest_length", "rest_volume")}

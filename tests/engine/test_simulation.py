@@ -113,6 +113,20 @@ def test_another_plan_with_the_same_relaxer_is_the_same_to_the_last_bit() -> Non
         assert one.relaxation == other.relaxation
 
 
+def test_the_grids_from_before_nodes_came_off_the_bones_serve_after() -> None:
+    """To the equilibrium of a relaxer with grids of its own; twice, as nodes may come off again."""
+    model, path = model_of(TWO_BONES), PrescribedMotion(bent_spine())
+    options = SimulationOptions(increments=1, relax=RelaxOptions(tolerance=1e-6))
+    relaxer = Relaxer(model, options.relax)
+    for nodes in np.split(np.flatnonzero(HELD)[1:13:2], 2):
+        model = model.released(nodes)
+        relaxer = Relaxer(model, options.relax, relaxer.grids)
+        (found,), (wanted,) = simulate(model, path, options, relaxer=relaxer), simulate(model, path, options)
+        assert found.relaxation.status is RelaxStatus.CONVERGED
+        assert np.abs(found.displacement - wanted.displacement).max() < 2e-6
+        assert (np.abs(found.displacement - path.at(1.0)).max(axis=1) > 1e-3)[nodes].all()
+
+
 @pytest.mark.parametrize("seed", [4, 36, 38])
 def test_what_a_relaxation_learns_does_not_outlive_it(seed: int) -> None:
     """Random trunks on which a relaxer took other steps once it had served another plan, or the same."""

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
+import warp as wp
 
 from .checks import check_arguments, check_mesh, check_tissues
 from .energies.by_name import ENERGIES, EnergyName, WeightsName
 from .energies.itmsm import with_alpha
 from .model import Model
-from .ordering import order_corners, order_nodes, order_tets, places
+from .ordering import order_nodes, order_tets, places
 from .parallel import Parallel, takes_turns
 from .rest_mesh import PRECISIONS, RestMesh
 from .skin import make_skin
@@ -60,7 +61,16 @@ def build_model(
     check_mesh(trunk)
     check_tissues(trunk, tissues)
     order = order_nodes(trunk)
-    rest = _in_order(trunk, order, tissues, PRECISIONS[precision], parallel)
+    corners = places(order)[trunk.tets]
+    tet_order = order_tets(corners)
+    rest = RestMesh(
+        trunk.nodes[order],
+        corners[tet_order],
+        tissues,
+        trunk.tissue[tet_order] if trunk.tissue is not None and len(tissues) > 1 else None,
+        PRECISIONS[precision],
+        parallel,
+    )
     if alpha:
         gravity = EARTH_GRAVITY
         rest = with_alpha(rest, alpha, gravity)
@@ -71,12 +81,13 @@ def build_model(
         skin = make_skin(rest, faces, skin_rigidity, elements.per_millijoule(rest))
     stencils = rest.corners if skin is None else np.vstack([rest.corners, skin.corners])
     free_nodes = int(np.count_nonzero(~trunk.prescribed))
-    return Model(
+    model = Model(
         parallel=parallel,
         scalar=rest.scalar,
         tissues=rest.tissues,
         gravity=gravity,
         order=order,
+        tet_order=tet_order,
         free_nodes=free_nodes,
         rest=rest.nodes,
         corners=rest.corners,
@@ -94,20 +105,34 @@ def build_model(
             device=parallel,
             precision=precision,
         ),
+        released=lambda nodes: _released(model, nodes),
         label=rest.label,
         skin=skin,
     )
+    return model
 
 
-def _in_order(
-    trunk: TrunkMesh,
-    order: np.ndarray,
-    tissues: tuple[Tissue, ...],
-    scalar: Any,
-    parallel: Parallel,
-) -> RestMesh:
-    """The trunk at rest with its nodes in an order, and its tetrahedra in that which follows."""
-    corners = places(order)[trunk.tets]
-    tets = order_tets(corners)
-    label = trunk.tissue[tets] if trunk.tissue is not None and len(tissues) > 1 else None
-    return RestMesh(trunk.nodes[order], order_corners(corners[tets]), tissues, label, scalar, parallel)
+def _released(model: Model, nodes: np.ndarray) -> Model:
+    """See `Model.released`; what was measured at rest serves on, as no tetrahedron gets another number."""
+    stays = ~np.isin(model.order[model.prescribed], nodes)
+    order = np.arange(model.nodes)
+    order[model.prescribed] = model.free_nodes + np.argsort(stays, kind="stable")
+    number = places(order)
+    skin, corners = model.skin, number[model.corners]
+    if skin is not None:
+        hinges = number[skin.corners]
+        skin = replace(skin, corners=hinges, hinges=model.array(hinges, wp.vec4i))
+    free_nodes = model.nodes - int(np.count_nonzero(stays))
+    found = replace(
+        model,
+        order=model.order[order],
+        free_nodes=free_nodes,
+        rest=model.rest[order],
+        corners=corners,
+        tets=model.array(corners, wp.vec4i),
+        skin=skin,
+        in_precision=lambda precision: _released(model.in_precision(precision), nodes),
+        released=lambda more: _released(found, more),
+    )
+    found = replace(found, pattern=square_pattern(found.stencils, free_nodes))
+    return found

@@ -72,6 +72,11 @@ def check_mesh(trunk: TrunkMesh) -> None:
     if len(trunk.tets) == 0:
         raise InputError("trunk: the mesh has no tetrahedron; give a mesh with soft tissue")
     _check_volumes(trunk)
+    check_held(trunk)
+
+
+def check_held(trunk: TrunkMesh) -> None:
+    """InputError where no bone holds a piece of free tissue."""
     if loose := unheld_nodes(trunk):
         raise InputError(
             f"trunk: {loose} free nodes belong to tissue that no bone holds, so it could move rigidly; "

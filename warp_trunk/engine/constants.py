@@ -9,7 +9,6 @@ import numpy as np
 from warp_trunk.errors import InputError
 
 from .model import Model
-from .ordering import order_tets, places
 from .rest_mesh import RestMesh
 from .tissue import Tissue
 
@@ -82,13 +81,12 @@ def weight_derivative(model: Model, constant: Constant) -> dict[str, np.ndarray]
     return {name: (high[name] - low[name]) / step for name in high}
 
 
-def parts_derivative(model: Model, tets: np.ndarray, change: np.ndarray) -> dict[str, np.ndarray]:
+def parts_derivative(model: Model, change: np.ndarray) -> dict[str, np.ndarray]:
     """Derivative of the same arrays in the parts of the tissues, float64; weights are linear in them.
 
     Args:
         model: of a mixture of tissues in each tetrahedron.
-        tets: the tetrahedra of its mesh, shape (tets, 4).
-        change: by how much the part of each tissue in each of them changes, shape (tets, tissues).
+        change: by how much the part of each tissue in each tetrahedron of its mesh changes, shape (tets, tissues).
 
     Raises:
         InputError: a model whose tetrahedra are not mixtures, or a change of another shape.
@@ -98,7 +96,7 @@ def parts_derivative(model: Model, tets: np.ndarray, change: np.ndarray) -> dict
             "sensitivities: parts of tissues change only where each tetrahedron has a part of every tissue; "
             f"give the change for {len(model.corners)} tetrahedra and {len(model.tissues)} tissues"
         )
-    ordered = change[order_tets(places(model.order)[tets])]
+    ordered = change[model.tet_order]
     mesh = scanned_mesh(model)
     high, low = (
         model.elements.weights(replace(mesh, label=model.label + sign * PART_STEP * ordered), model.gravity)

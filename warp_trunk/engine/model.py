@@ -37,6 +37,8 @@ class Model:
     """Gravity [m/s^2], downward; 0 leaves the term out."""
     order: np.ndarray
     """The mesh node of each model node, shape (nodes,)."""
+    tet_order: np.ndarray
+    """The mesh tetrahedron of each model tetrahedron, shape (tets,)."""
     free_nodes: int
     """Number of free nodes."""
     rest: np.ndarray
@@ -51,6 +53,9 @@ class Model:
     """Which blocks the Hessian has."""
     in_precision: Callable[[str], Model] = field(repr=False)
     """Makes the same trunk in 'float32' or 'float64'."""
+    released: Callable[[np.ndarray], Model] = field(repr=False)
+    """Makes the same trunk with prescribed nodes free, given by their mesh numbers; these follow the other free
+    ones, so that no free node gets another number."""
     label: np.ndarray | None = None
     """The tissue of each tetrahedron in model order, or the parts of all, as in `RestMesh`."""
     scan: np.ndarray | None = None

@@ -73,21 +73,20 @@ class Multigrid:
     Of the matrix that is assembled later it has the blocks of nodes and groups, and where asked those of grids.
     """
 
-    def __init__(self, matrix: BlockMatrix) -> None:
+    grids: Grids
+    """Its grids, which also serve where more nodes are free."""
+
+    def __init__(self, matrix: BlockMatrix, grids: Grids | None = None) -> None:
         """Lays the grids over the free nodes at rest and takes the projected Hessian at the matrix's state onto
-        them."""
+        them.
+
+        Where `grids` are given they reach only the nodes that were free when they were laid: their matrices are
+        then those of before, and nodes that were freed later have their own blocks.
+        """
         self.model = model = matrix.model
         self._inverse_diagonal = matrix.inverse_diagonal
         matrix.assemble_projected()
-        points = model.rest[model.free]
-        spacings = find_spacings(points)
-        origin = points.min(axis=0) - 1e-3 * spacings[-1]
-
-        def lay(spacing: float) -> tuple[CoarseGrid, Interpolation]:
-            return CoarseGrid.around(points, origin, spacing)
-
-        with ThreadPoolExecutor(len(spacings)) as pool:  # NumPy releases the interpreter lock
-            grids, to_nodes = zip(*pool.map(lay, spacings), strict=True)
+        laid, to_nodes = lay_grids(model.rest[model.free]) if grids is None else grids.reaching(model.free_nodes)
         self._groups = NodeGroups(matrix)
         sizes = [onto.vertices for onto in to_nodes]
         on_device = _Interpolation(model, to_nodes[0])
@@ -108,11 +107,15 @@ class Multigrid:
         self.update_grids()
         self.reset_grids: Launch = model.parallel.copy(self._grids, wp.clone(self._grids))
         """Sets these blocks to those of the trunk at rest."""
-        inverse = invert(grid_matrix(matrix, onto_nodes[-1], sizes[-1]), model.precision)
+        if grids is None:
+            inverse = invert(grid_matrix(matrix, onto_nodes[-1], sizes[-1]), model.precision)
+        else:
+            inverse = grids.inverse
+        self.grids = Grids(laid, to_nodes, inverse)
         if model.parallel.is_cuda:
             self._levels = CudaLevels(model, to_nodes, self._grids, inverse, self._groups)
         else:
-            between = [_Interpolation(model, g.interpolate(finer.positions)) for finer, g in pairwise(grids)]
+            between = [_Interpolation(model, g.interpolate(finer.positions)) for finer, g in pairwise(laid)]
             levels = zip(
                 [model.free_nodes, *sizes], sizes, [on_device, *between], [*diagonals, None], strict=False
             )
@@ -467,6 +470,35 @@ class CoarseGrid:
         )
 
 
+def lay_grids(points: np.ndarray) -> tuple[tuple[CoarseGrid, ...], tuple[Interpolation, ...]]:
+    """Grids over points (points, 3) [mm], finest first, and the interpolation of each to them."""
+    spacings = find_spacings(points)
+    origin = points.min(axis=0) - 1e-3 * spacings[-1]
+
+    def lay(spacing: float) -> tuple[CoarseGrid, Interpolation]:
+        return CoarseGrid.around(points, origin, spacing)
+
+    with ThreadPoolExecutor(len(spacings)) as pool:  # NumPy releases the interpreter lock
+        laid, to_points = zip(*pool.map(lay, spacings), strict=True)
+    return laid, to_points
+
+
+@dataclass(frozen=True, eq=False)
+class Grids:
+    """The grids of a trunk on the host, and what is solved on the coarsest."""
+
+    laid: tuple[CoarseGrid, ...]
+    """The grids, finest first."""
+    to_nodes: tuple[Interpolation, ...]
+    """The interpolation of each to the free nodes."""
+    inverse: np.ndarray
+    """Of the matrix on the coarsest at rest, shape (3 vertices, 3 vertices)."""
+
+    def reaching(self, nodes: int) -> tuple[tuple[CoarseGrid, ...], tuple[Interpolation, ...]]:
+        """The grids and their interpolations to so many nodes, of which they do not reach the last."""
+        return self.laid, tuple(each.among(nodes) for each in self.to_nodes)
+
+
 @dataclass(frozen=True, eq=False)
 class Interpolation:
     """Weights of the grid vertices around each point."""
@@ -477,6 +509,11 @@ class Interpolation:
     """Their trilinear weights, 0 for a vertex left out, shape (points, 8)."""
     vertices: int
     """Number of vertices of the grid."""
+
+    def among(self, points: int) -> Interpolation:
+        """The same among more points, of which the grid does not reach the last."""
+        more = [(0, points - len(self.vertex)), (0, 0)]
+        return Interpolation(np.pad(self.vertex, more), np.pad(self.weight, more), self.vertices)
 
     @cached_property
     def by_vertex(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

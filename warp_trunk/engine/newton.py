@@ -16,7 +16,7 @@ import warp as wp
 from .line_search import search
 from .linear import BlockMatrix, Outcome
 from .model import Model
-from .multigrid import Multigrid
+from .multigrid import Grids, Multigrid
 from .parallel import takes_turns
 from .policy import Action, Plan, Run, decide, decide_claim, decide_end, plan, searched, stretch
 from .relaxation import ROUNDING, History, Relaxation, RelaxOptions, RelaxStatus, RelaxStep
@@ -34,13 +34,25 @@ class Relaxer:
     """The simulation that it relaxes for: the last that began."""
 
     @takes_turns
-    def __init__(self, model: Model, options: RelaxOptions | None = None) -> None:
-        """Builds matrix, preconditioner and solvers; the trunk is at rest, or where it was scanned."""
+    def __init__(self, model: Model, options: RelaxOptions | None = None, grids: Grids | None = None) -> None:
+        """Builds matrix, preconditioner and solvers; the trunk is at rest, or where it was scanned.
+
+        Args:
+            model: the trunk.
+            options: how to relax it.
+            grids: those of the model from which it was `released`; laid, which takes most of the time, when left
+                out.
+        """
         self.model = model
         self.options = options or RelaxOptions()
         self.state = State(model)
         if model.free_nodes:
-            self._work = Work(self.state)
+            self._work = Work(self.state, grids)
+
+    @property
+    def grids(self) -> Grids | None:
+        """The grids of the preconditioner, for models `released` from this one; None where no node is free."""
+        return self._work.preconditioner.grids if self.model.free_nodes else None
 
     @takes_turns
     def assemble_true(self, displacement: wp.array) -> tuple[BlockMatrix, Multigrid]:

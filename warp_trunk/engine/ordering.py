@@ -6,9 +6,6 @@ import numpy as np
 
 from .trunk_mesh import TrunkMesh
 
-EVEN = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 0, 1, 3], [3, 0, 2, 1]])
-"""The corners of a tetrahedron, each of them first, in orders that do not turn it inside out."""
-
 
 def order_nodes(trunk: TrunkMesh) -> np.ndarray:
     """The mesh node of each model node, shape (nodes,)."""
@@ -20,15 +17,6 @@ def order_nodes(trunk: TrunkMesh) -> np.ndarray:
 def order_tets(corners: np.ndarray) -> np.ndarray:
     """The mesh tetrahedron of each model tetrahedron, (tets,), by their corners (tets, 4) in model numbers."""
     return np.argsort(np.minimum.reduce(corners.T), kind="stable")
-
-
-def order_corners(corners: np.ndarray) -> np.ndarray:
-    """The corners of tetrahedra (tets, 4) in ascending order, but for the last two of those that it would turn
-    inside out."""
-    first = EVEN[corners.argmin(axis=1)]
-    corners = np.take_along_axis(corners, first, axis=1)
-    second = 1 + (corners[:, 1:].argmin(axis=1)[:, None] + np.arange(3)) % 3
-    return np.column_stack([corners[:, 0], np.take_along_axis(corners, second, axis=1)])
 
 
 def places(order: np.ndarray) -> np.ndarray:

@@ -94,6 +94,7 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
                 rest=rest,
                 scan=scan - rest,
                 in_precision=lambda precision: sag_free(model.in_precision(precision), tolerance).model,
+                released=lambda nodes: sag_free(model.released(nodes), tolerance).model,
             )
             return RestState(found, sag, confirmed.distance, rounds, spent)
         if action is Action.STALLED or confirmed.phase is Phase.SADDLE:

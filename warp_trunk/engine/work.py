@@ -14,7 +14,7 @@ from warp_trunk.kernels.vectors import vector_kernels
 from .certify import chance_of_saddle
 from .line_search import Trial
 from .linear import BlockMatrix, ConjugateGradient, Dots, LinearSolution
-from .multigrid import Multigrid
+from .multigrid import Grids, Multigrid
 from .parallel import Readback
 from .policy import POLICY, Plan
 from .state import ProductReader, Products, State, longest
@@ -31,11 +31,14 @@ class Work:
     hessian: tuple[bool, int] | None = None
     """Whether that is the true one, and the version of the state that it was assembled at; None: at rest."""
 
-    def __init__(self, state: State) -> None:
-        """For a state at rest, or where the trunk was scanned: the preconditioner is made of the Hessian there."""
+    def __init__(self, state: State, grids: Grids | None = None) -> None:
+        """For a state at rest, or where the trunk was scanned: the preconditioner is made of the Hessian there.
+
+        For `grids` see `Relaxer`.
+        """
         self.state, model = state, state.model
         self.matrix = BlockMatrix(state)
-        self.preconditioner = Multigrid(self.matrix)
+        self.preconditioner = Multigrid(self.matrix, grids)
         self._trial, self._version = State(model, start=state), 0
         kernels, graph = vector_kernels(*model.variant), model.parallel.graph
         self._assemble_projected = graph(self.matrix.assemble_projected, self.preconditioner.update)

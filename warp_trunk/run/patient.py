@@ -15,7 +15,9 @@ from warp_trunk.bone_motion.skeleton import Skeleton
 from warp_trunk.case.fingerprint import anatomy_of, difference
 from warp_trunk.case.layers import Layers
 from warp_trunk.engine.build import build_model
+from warp_trunk.engine.checks import check_held
 from warp_trunk.engine.model import Model
+from warp_trunk.engine.multigrid import Grids
 from warp_trunk.engine.newton import Relaxer
 from warp_trunk.engine.parallel import Parallel, choose_device
 from warp_trunk.engine.sag_free import sag_free
@@ -59,11 +61,13 @@ class PreparedPatient:
     """The mesh, with the tissue of its tetrahedra and with free joints where bones move each on its own."""
     model: Model
     """The mesh on its device, at rest."""
+    grids: Grids | None = None
+    """Grids of the solver from before nodes came off the bones; None where none did."""
 
     @cached_property
     def relaxer(self) -> Relaxer:
         """The solver of every relaxation, made on first use."""
-        return Relaxer(self.model, self.options.simulation.relax)
+        return Relaxer(self.model, self.options.simulation.relax, self.grids)
 
     @cached_property
     def skeleton(self) -> Skeleton:
@@ -86,11 +90,17 @@ class PreparedPatient:
         return response.astype(self.model.precision)  # memory is what a product with it waits for
 
     def released(self, nodes: np.ndarray) -> PreparedPatient:
-        """The same patient with some nodes on bone free (indices): they relax with the tissue."""
+        """The same patient with some nodes on bone free (indices): they relax with the tissue.
+
+        Raises:
+            InputError: no bone would hold some of the tissue.
+        """
         bone = self.trunk.bone.copy()
         bone[nodes] = -1
         trunk = dataclasses.replace(self.trunk, bone=bone)
-        return dataclasses.replace(self, trunk=trunk, model=_model(self.case, trunk, self.options))
+        check_held(trunk)
+        model, grids = self.model.released(nodes), self.relaxer.grids
+        return dataclasses.replace(self, trunk=trunk, model=model, grids=grids)
 
     def check(self, case: Case) -> None:
         """Raise InputError where a case is of another patient or tissue, so that mesh or model are not its."""

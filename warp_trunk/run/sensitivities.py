@@ -197,5 +197,5 @@ def force_derivatives_of(prediction: Prediction, linear: Linearization) -> dict[
     changes = {name: weight_derivative(model, constant) for name, constant in constant_names(model).items()}
     if layers_from(prediction.case, prediction.options) == "depth":
         for name, change in thickness_derivatives(trunk, layers or Layers()).items():
-            changes[name.replace("_", ".")] = parts_derivative(model, trunk.tets, change)
+            changes[name.replace("_", ".")] = parts_derivative(model, change)
     return dict(zip(changes, linear.force_derivatives(list(changes.values())), strict=True))
