@@ -25,7 +25,7 @@ from .linear import ConjugateGradient, Dots, Outcome
 from .model import Model
 from .newton import Relaxer
 from .relaxation import RelaxStatus
-from .rest_derivative import pull_of_rest, rest_motions
+from .rest_derivative import rest_force_derivative, rest_motions
 from .simulation import Increment
 from .state import State
 
@@ -155,7 +155,7 @@ class Linearization:
             there = np.array([self._force_derivative(each, scan) for each in derivatives])
             moved = rest_motions(model, there, self._solve, self._accuracy)
             self._relaxer.assemble_true(model.array(end, model.vec3))
-            found += [pull_of_rest(model, end.astype(np.float64), each) for each in moved]
+            found += [rest_force_derivative(model, end.astype(np.float64), each) for each in moved]
         return self._in_mesh_order(found)
 
     def _force_derivative(self, derivative: Mapping[str, np.ndarray], displacement: np.ndarray) -> np.ndarray:

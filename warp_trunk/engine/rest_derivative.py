@@ -26,7 +26,7 @@ ROUGHLY = 0.1
 MOST_ROUNDS = 50
 
 
-def pull_of_rest(model: Model, displacement: np.ndarray, move: np.ndarray) -> np.ndarray:
+def rest_force_derivative(model: Model, displacement: np.ndarray, move: np.ndarray) -> np.ndarray:
     """dF/dX of a motion of the rest state, by central differences of the gradient F.
 
     Args:
@@ -57,7 +57,7 @@ def _gradient(model: Model, move: np.ndarray, displacement: np.ndarray) -> np.nd
 
 def rest_motions(
     model: Model,
-    pulls: np.ndarray,
+    force_derivatives: np.ndarray,
     solve: Callable[[np.ndarray, float], tuple[np.ndarray, np.ndarray]],
     accuracy: float,
 ) -> np.ndarray:
@@ -65,7 +65,7 @@ def rest_motions(
 
     Args:
         model: a model at such a rest state.
-        pulls: dG/dc of each constant on the free nodes, shape (constants, free, 3).
+        force_derivatives: dG/dc of each constant on the free nodes, shape (constants, free, 3).
         solve: x with H x = b of the true Hessian at the scan, both (constants, free, 3), to a part of x, and what
             is left of b.
         accuracy: part of the longest vector of dX by which a vector may be wrong.
@@ -77,13 +77,13 @@ def rest_motions(
         InputError: the rest state is too near to where the tissue buckles.
     """
     assert model.scan is not None
-    moved, left = np.zeros_like(pulls), pulls
+    moved, left = np.zeros_like(force_derivatives), force_derivatives
     for _ in range(MOST_ROUNDS):
         step, _ = solve(left, ROUGHLY)
         moved += step
         if (longest(step) <= accuracy * longest(moved)).all():
             return moved
-        left = pulls + [pull_of_rest(model, model.scan, each) for each in moved]
+        left = force_derivatives + [rest_force_derivative(model, model.scan, each) for each in moved]
     raise InputError(
         "sensitivities: it was not found how the rest state under gravity moves with the constants; the tissue is "
         "too near to buckling under its weight: raise youngs_modulus, or take the scan as the rest state"

@@ -106,19 +106,19 @@ class Certainty:
 def certainty(pieces: Mapping[str, Piece], prior: Prior) -> Certainty:
     """Standard errors of constants found by least squares.
 
-    A^-1 B A^-1 with the second derivative A and the spread B of the patients' own pulls about their mean (Huber
+    A^-1 B A^-1 with the second derivative A and the spread B of the gradients of patients about their mean (Huber
     and White, patients as clusters): places of one skin err alike, so that only patients count as independent.
     Where there are too few of them, or the spread says less than the stated errors do, A^-1 stands.
     """
     from scipy.stats import norm, t  # heavy
 
-    pulls = np.array([j.T @ r for r, j in pieces.values()])
+    gradients = np.array([j.T @ r for r, j in pieces.values()])
     A = sum((j.T @ j for _, j in pieces.values()), start=prior.information.copy())
     inverse = np.linalg.inv(A)
-    patients = len(pulls)
+    patients = len(gradients)
     covariance, width = inverse, float(norm.ppf(0.5 + 0.5 * CONFIDENCE))
     if patients > len(A):
-        away = pulls - pulls.mean(axis=0)
+        away = gradients - gradients.mean(axis=0)
         B = patients / (patients - 1.0) * away.T @ away + prior.information
         robust = inverse @ B @ inverse
         wider = np.sqrt(np.maximum(np.diag(robust) / np.diag(inverse), 1.0))
@@ -141,5 +141,5 @@ def without(pieces: Mapping[str, Piece], left_out: str, at: np.ndarray, prior: P
     """
     kept: Sequence[Piece] = [piece for patient, piece in pieces.items() if patient != left_out]
     A = sum((j.T @ j for _, j in kept), start=prior.information.copy())
-    pull = sum((j.T @ r for r, j in kept), start=prior.information @ (at - prior.mean))
-    return np.clip(at - np.linalg.solve(A, pull), prior.low, prior.high)
+    gradient = sum((j.T @ r for r, j in kept), start=prior.information @ (at - prior.mean))
+    return np.clip(at - np.linalg.solve(A, gradient), prior.low, prior.high)
