@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from warp_trunk.bone_motion.plan import PlannedSurgery
 from warp_trunk.case import Case
 from warp_trunk.measures import TrunkMeasures
@@ -98,7 +96,7 @@ def _point_rows(case: Case, views: Sequence[PlanView]) -> list[list[str]]:
     ]
     rows = [["Points"]] if followed and followed[0] else []
     for row, point in enumerate(followed[0] if followed else ()):
-        moved = [number(float(np.linalg.norm(points[row].way))) for points in followed]
+        moved = [number(points[row].distance) for points in followed]
         rows.append([f"{point.name} moves by [mm]", MISSING, *moved])
         if point.ratio is not None:
             ratios = [MISSING if (share := points[row].ratio) is None else f"{share:.2f}" for points in followed]

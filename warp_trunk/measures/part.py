@@ -108,6 +108,11 @@ class FollowedPoint:
         """From before to after [mm], shape (3,)."""
         return np.subtract(self.after, self.before)
 
+    @property
+    def distance(self) -> float:
+        """How far it moves [mm]."""
+        return float(np.linalg.norm(self.way))
+
 
 def follow_points(
     case: Case, skin: np.ndarray, motion_of: Callable[[str], RigidMotion]

@@ -20,15 +20,16 @@ from warp_trunk.measures.part import FollowedPoint, agreement_rows, profile, swe
 from warp_trunk.measures.quantities import ACTUAL, BEFORE, DETECTABLE, EXACT, PREDICTED, QUANTITIES, MeasureTable
 from warp_trunk.measures.rows import MISSING, MeasureRow, level_rows, number, skin_rows, spine_rows
 from warp_trunk.measures.skin_quality import LOOK, STRETCH
+from warp_trunk.results.summary_text import spring_lines
 
-from .sentences import glance, joined, modelled, not_modelled, option_rows, sentences, value_text
+from .sentences import glance, joined, option_rows, sentences
 from .style import TrunkState
 from .turning import Turning, script
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-    from warp_trunk.results import Result, Summary
+    from warp_trunk.results import Result
     from warp_trunk.results.bands import Bands
 
 
@@ -118,20 +119,14 @@ def _of_run(result: Result, poses: Sequence[TrunkState]) -> dict[str, Any]:
     return {
         "summary": summary,
         "plan": result.plan,
-        "point_rows": point_table(summary.points),
-        "ratio_rows": ratio_table(summary.points),
-        "chest_rows": [[name, f"{was:.1f}", f"{will:.1f}"] for name, (was, will) in summary.chest.items()],
         "converged": result.converged,
         "reason": status.value[:1].upper() + status.value[1:],
         "poses": len(poses),
         "many": "many" if len(poses) > 2 else "",
         "titles": ", ".join(pose.look.title for pose in poses),
-        "reached": _reached(summary),
-        "modelled": modelled(summary),
-        "not_modelled": not_modelled(summary),
+        "on_the_way": ON_THE_WAY,
+        "springs": [] if summary.springs is None else spring_lines(summary.springs),
         "options": option_rows(summary.parameters),
-        "versions": [(name, value_text(value)) for name, value in summary.versions.items()],
-        "seconds": [(name, "–" if value is None else f"{value:.1f}") for name, value in summary.seconds.items()],
     }
 
 
@@ -163,18 +158,6 @@ def rendered(template: str, drawings: Mapping[str, bytes], **values: Any) -> str
 def _address(picture: bytes) -> str:
     kind = "webp" if picture.startswith(b"RIFF") else "svg+xml"
     return f"data:image/{kind};base64,{b64encode(picture).decode()}"
-
-
-def _reached(summary: Summary) -> str:
-    """Distance from the equilibrium of the last two relaxations, in words; empty if it is not known."""
-    tolerance = summary.parameters.get("tolerance")
-    errors = [increment.estimated_error_mm for increment in summary.increments[-2:]]
-    if tolerance is None or len(errors) < 2 or errors[0] is None or errors[1] is None:
-        return ""
-    return (
-        f"the one before it may stop at {ON_THE_WAY * tolerance:g} mm (it stopped at {errors[0]:.2g}) "
-        f"and the last one at {tolerance:g} mm (it reached {errors[1]:.2g})"
-    )
 
 
 BAND_HEAD = (
@@ -274,19 +257,6 @@ def change_table(poses: Sequence[TrunkState]) -> list[list[str]]:
         ["Volume lost inside it [cm³]", f"{inward:.1f}"],
         ["Pairs of triangles of the predicted skin that cross", f"{len(crossings(poses[1].skin))}"],
     ]
-
-
-def point_table(points: Sequence[FollowedPoint]) -> list[list[str]]:
-    """How far each point moves, in all and to the left, back and up."""
-    return [
-        [point.name, point.on, f"{np.linalg.norm(point.way):.1f}", *(f"{part:+z.1f}" for part in point.way)]
-        for point in points
-    ]
-
-
-def ratio_table(points: Sequence[FollowedPoint]) -> list[list[str]]:
-    """How far soft tissue follows bone."""
-    return [[point.name, point.bone_point, f"{point.ratio:.2f}"] for point in points if point.ratio is not None]
 
 
 def profile_table(points: Sequence[FollowedPoint]) -> list[list[str]]:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from warp_trunk.io.folders import seen_from_here
 from warp_trunk.measures import TrunkMeasures
 from warp_trunk.measures.quantities import ACTUAL, BEFORE, PREDICTED, MeasureTable
@@ -37,7 +35,7 @@ def plain(result: Result, name: str = "") -> str:
     if summary.springs is not None:
         lines += spring_lines(summary.springs)
     lines += [
-        f"{point.name} ({point.on}) moves by {np.linalg.norm(point.way):.1f} mm"
+        f"{point.name} ({point.on}) moves by {point.distance:.1f} mm"
         + ("" if point.ratio is None else f", {point.ratio:.2f} of the way of {point.bone_point}")
         for point in summary.points
     ]
