@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -101,6 +101,13 @@ def measure_rows(
     return {"The back": skin_rows(table, states)} | spine_rows(table, before, states)
 
 
+def under_headings(
+    groups: Mapping[str, Sequence[MeasureRow]], cells: Callable[[MeasureRow], list[str]] = MeasureRow.cells
+) -> list[list[str]]:
+    """The cells of all rows, those of each group under its heading, a row of one cell."""
+    return [line for heading, rows in groups.items() for line in ([heading], *map(cells, rows))]
+
+
 def skin_rows(table: MeasureTable, states: Sequence[str] = STATES) -> list[MeasureRow]:
     """The measures of the skin."""
     return _rows("back", table, states)
@@ -190,11 +197,7 @@ def as_markdown(head: Row, rows: Sequence[Row]) -> str:
 
 def measures_text(measures: TrunkMeasures) -> str:
     """Every measure of one skin: the whole trunk, then by level, then what is missing and why."""
-    whole = [
-        line
-        for title, rows in measure_rows(MeasureTable.of({BEFORE: measures}), measures, (BEFORE,)).items()
-        for line in ([title], *(row.cells() for row in rows))
-    ]
+    whole = under_headings(measure_rows(MeasureTable.of({BEFORE: measures}), measures, (BEFORE,)))
     by_level = (measures.bsr, measures.axial_rotation, measures.hump_height)
     levels = [
         [level, *(sided(each[level]) for each in by_level)]

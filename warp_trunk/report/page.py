@@ -18,7 +18,7 @@ from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.measures import SkinComparison, TrunkMeasures
 from warp_trunk.measures.part import FollowedPoint, agreement_rows, profile, swept_volumes
 from warp_trunk.measures.quantities import ACTUAL, BEFORE, DETECTABLE, EXACT, PREDICTED, QUANTITIES, MeasureTable
-from warp_trunk.measures.rows import MISSING, MeasureRow, level_rows, number, skin_rows, spine_rows
+from warp_trunk.measures.rows import MISSING, MeasureRow, level_rows, number, skin_rows, spine_rows, under_headings
 from warp_trunk.measures.skin_quality import LOOK, STRETCH
 from warp_trunk.results.summary_text import spring_lines
 
@@ -182,7 +182,7 @@ def measure_table(table: MeasureTable, before: TrunkMeasures, states: Sequence[s
     """The back, then every curve of the spine and the spine as a whole, as planned."""
     groups = {"The back": skin_rows(table, states)}
     groups |= {f"{heading}, as planned": rows for heading, rows in spine_rows(table, before, states).items()}
-    return [line for heading, rows in groups.items() for line in ([heading], *(r.compared_cells() for r in rows))]
+    return under_headings(groups, MeasureRow.compared_cells)
 
 
 def rotation_table(table: MeasureTable, states: Sequence[str], *, bands: bool = False) -> list[list[str]]:

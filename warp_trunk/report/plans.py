@@ -13,7 +13,7 @@ from warp_trunk.bone_motion.plan import Plan, plan_words
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.errors import InputError
 from warp_trunk.measures.quantities import DETECTABLE, LENGTH, SPINE_ANGLE, WIDTH, MeasureTable
-from warp_trunk.measures.rows import MISSING, MeasureRow, measure_rows, number
+from warp_trunk.measures.rows import MISSING, MeasureRow, measure_rows, number, under_headings
 
 from .page import rendered
 from .sentences import interval_text, listed
@@ -183,17 +183,16 @@ def numbers_table(
     groups: Mapping[str, Sequence[MeasureRow]], table: MeasureTable, states: Sequence[str]
 ) -> list[list[str]]:
     """Every measure before surgery and with each plan, with its interval where that was computed."""
-    lines = []
-    for heading, rows in groups.items():
-        lines.append([heading])
-        for row in rows:
-            title, *cells = row.cells()
-            for place, state in enumerate(states):
-                known = table.column(state, row.quantity.key).get(row.level)
-                text = interval_text(known, sided=row.quantity.side)
-                cells[place] += f" ({text})" if text else ""
-            lines.append([title, *cells])
-    return lines
+
+    def cells(row: MeasureRow) -> list[str]:
+        title, *found = row.cells()
+        for place, state in enumerate(states):
+            known = table.column(state, row.quantity.key).get(row.level)
+            text = interval_text(known, sided=row.quantity.side)
+            found[place] += f" ({text})" if text else ""
+        return [title, *found]
+
+    return under_headings(groups, cells)
 
 
 def differences(poses: Sequence[TrunkState], apart: Sequence[Apart]) -> list[str]:

@@ -1,6 +1,7 @@
 """The spine before surgery and as planned, from behind and from the right, with its vertebrae as boxes."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -8,7 +9,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.measures import CobbAngle
 from warp_trunk.measures.spine import sacral_line, spine_of
 
 from .panels import Extent, panels
@@ -53,9 +53,14 @@ def spine_picture(poses: Sequence[TrunkState], view: Viewpoint, fused: Sequence[
         _vertebrae(axes, spine, pose.look.colour, joined)
         if view is BEHIND:
             for curve in poses[0].measures.cobb:
-                _cobb(axes, spine, curve, pose.number("cobb_deg", curve.ends))
+                angle = pose.number("cobb_deg", curve.ends)
+                hollow = 1.0 if curve.convex == "right" else -1.0  # x is positive to the patient's left
+                ends = curve.upper, curve.lower
+                _angle(axes, spine, ends, angle, hollow, -4.0 * hollow, size=11, weight="bold")
         elif view is RIGHT:
-            _sagittal(axes, spine, pose)
+            for name, ends, hollow in (("kyphosis", ("T5", "T12"), -1.0), ("lordosis", ("L1", "L5"), 1.0)):
+                angle, named = pose.number(f"{name}_deg", "-".join(ends)), f"{name}\n{ends[0]} to {ends[1]}\n"
+                _angle(axes, spine, ends, angle, hollow, 3.0 * hollow, named, size=8.5)
     return figure
 
 
@@ -94,19 +99,24 @@ def _plumb_lines(axes: Axes, pose: TrunkState, view: Viewpoint, extent: Extent) 
         axes.plot([x, x], extent[2:], color=FAINT, linewidth=0.8, linestyle=style, zorder=0)
 
 
-def _cobb(axes: Axes, spine: Boxes, curve: CobbAngle, angle: float | None) -> None:
-    """Lines along the end vertebrae towards the hollow of the curve, with the angle between them."""
-    if curve.upper not in spine or curve.lower not in spine or angle is None:
+def _angle(
+    axes: Axes,
+    spine: Boxes,
+    ends: tuple[str, str],
+    angle: float | None,
+    hollow: float,
+    aside: float,
+    named: str = "",
+    **words: Any,
+) -> None:
+    """Lines along the end vertebrae towards the hollow, 1 or -1 along x, with the angle `aside` of their ends."""
+    if angle is None or not all(end in spine for end in ends):
         return
-    hollow = 1.0 if curve.convex == "right" else -1.0  # the picture's x is positive to the patient's left
-    tips = []
-    for level, ring in ((curve.upper, slice(0, 4)), (curve.lower, slice(4, 8))):
-        tips.append(_across(axes, spine[level][0][:, [0, 2]], ring, hollow))
-    upper, lower = tips
-    axes.text(
-        0.5 * (upper[0] + lower[0]) - 4.0 * hollow, 0.5 * (upper[1] + lower[1]), f"{angle:.0f}°",
-        ha="left" if hollow > 0.0 else "right", va="center", fontsize=11, fontweight="bold", color=INK,
-    )  # fmt: skip
+    rings = slice(0, 4), slice(4, 8)
+    tips = [_across(axes, spine[end][0][:, [0, 2]], ring, hollow) for end, ring in zip(ends, rings, strict=True)]
+    x, z = np.mean(tips, axis=0)
+    align = "left" if aside < 0.0 else "right"
+    axes.text(x + aside, z, f"{named}{angle:.0f}°", ha=align, va="center", color=INK, **words)
 
 
 def _across(axes: Axes, corners: np.ndarray, ring: slice, hollow: float) -> np.ndarray:
@@ -116,25 +126,6 @@ def _across(axes: Axes, corners: np.ndarray, ring: slice, hollow: float) -> np.n
     tip = start + REACH * hollow * np.array([axis[1], -axis[0]]) / np.hypot(*axis)
     axes.plot(*np.array([start, tip]).T, color=INK, linewidth=0.8)
     return tip
-
-
-def _sagittal(axes: Axes, spine: Boxes, pose: TrunkState) -> None:
-    """Kyphosis behind the thoracic spine and lordosis behind the lumbar one."""
-    for name, ends in (("kyphosis", ("T5", "T12")), ("lordosis", ("L1", "L5"))):
-        angle = pose.number(f"{name}_deg", "-".join(ends))
-        if angle is None or not all(end in spine for end in ends):
-            continue
-        bodies = [spine[end][0][:, [0, 2]] for end in ends]
-        hollow = -1.0 if name == "kyphosis" else 1.0  # kyphosis is hollow in front, on the right of the picture
-        tips = [
-            _across(axes, body, ring, hollow)
-            for body, ring in zip(bodies, (slice(0, 4), slice(4, 8)), strict=True)
-        ]
-        x = 0.5 * (tips[0][0] + tips[1][0]) + 3.0 * hollow
-        axes.text(
-            x, 0.5 * (tips[0][1] + tips[1][1]), f"{name}\n{ends[0]} to {ends[1]}\n{angle:.0f}°",
-            ha="left" if hollow < 0.0 else "right", va="center", fontsize=8.5, color=INK,
-        )  # fmt: skip
 
 
 WIDE, DEEP = 1.6, 1.3

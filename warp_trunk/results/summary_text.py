@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING
 from warp_trunk.io.folders import seen_from_here
 from warp_trunk.measures import TrunkMeasures
 from warp_trunk.measures.quantities import ACTUAL, BEFORE, PREDICTED, MeasureTable
-from warp_trunk.measures.rows import RESEARCH, as_markdown, as_text, level_rows, measure_rows, sided
+from warp_trunk.measures.rows import (
+    RESEARCH,
+    as_markdown,
+    as_text,
+    level_rows,
+    measure_rows,
+    sided,
+    under_headings,
+)
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -40,7 +48,8 @@ def plain(result: Result, name: str = "") -> str:
         for point in summary.points
     ]
     lines += [f"{name}: {was:.1f} before, {will:.1f} predicted" for name, (was, will) in summary.chest.items()]
-    lines += ["", as_text([f"{of}measure", "before", "predicted"], _rows(result.table, result.measures_before))]
+    rows = under_headings(measure_rows(result.table, result.measures_before))
+    lines += ["", as_text([f"{of}measure", "before", "predicted"], rows)]
     if summary.has_spine:
         lines += ["", f"{of}Rotation of the back (BSR) at every vertebra, with the side that stands further back"]
         lines.append(_levels(result.table))
@@ -66,17 +75,11 @@ def markdown(
     status, table = last.relaxation.status, MeasureTable.of({BEFORE: before, PREDICTED: after})
     lines = [f"# {case.name}", "", f"**{status.name}**: {status.value}.", ""]
     lines += [line for warning in warnings for line in (f"**Warning:** {warning}", "")]
-    lines += [as_markdown(["measure", "before", "predicted"], _rows(table, before)), ""]
+    lines += [as_markdown(["measure", "before", "predicted"], under_headings(measure_rows(table, before))), ""]
     if before.bsr:
         rows = [[row.level, *row.cells()[1:]] for row in level_rows(table)]
         lines += [as_markdown(["rotation of the back [°] at", "before", "predicted"], rows), ""]
     return "\n".join([*lines, RESEARCH])
-
-
-def _rows(table: MeasureTable, before: TrunkMeasures) -> list[list[str]]:
-    """Every measure of the whole trunk, under headings."""
-    groups = measure_rows(table, before)
-    return [line for heading, rows in groups.items() for line in ([heading], *(row.cells() for row in rows))]
 
 
 def _levels(table: MeasureTable) -> str:

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 from warp_trunk.measures.measures import measure_spine
 from warp_trunk.measures.quantities import BEFORE, PREDICTED, MeasureTable
-from warp_trunk.measures.rows import as_text, skin_rows, spine_rows
+from warp_trunk.measures.rows import MeasureRow, as_text, skin_rows, spine_rows, under_headings
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
     from warp_trunk.case.landmarks import Landmarks
     from warp_trunk.measures import TrunkMeasures
     from warp_trunk.measures.cobb import CobbAngle
-    from warp_trunk.measures.rows import MeasureRow
 
     from .record import Plan
 
@@ -92,9 +91,7 @@ the right side going back [°]; >: the same against the vertebra below. Rotation
 def surgery_text(surgery: PlannedSurgery) -> str:
     """The planned change of the curves, the whole spine and each vertebra, and the warnings."""
     plan, planned = surgery.plan, ["left", "back", "up", "tilt", "lean", "turn", "> tilt", "> lean", "> turn"]
-    spine = [
-        line for title, rows in surgery.rows.items() for line in ([title], *(r.compared_cells() for r in rows))
-    ]
+    spine = under_headings(surgery.rows, MeasureRow.compared_cells)
     vertebrae = [
         [f"{one.level:<4}{'F' * one.fused}", *(f"{x:+z.1f}" for x in (*one.shift, *one.turn, *one.segment))]
         + [f"{x:z.1f}" for x in one.rotation]
