@@ -129,7 +129,9 @@ def _leaning(axis: np.ndarray) -> np.ndarray:
     return np.stack([np.arctan2(x, z), np.arctan2(-y, np.hypot(x, z))], axis=-1)
 
 
-def attitudes(bending: np.ndarray, flexion: np.ndarray, turn: np.ndarray | float = 0.0) -> np.ndarray:
+def attitudes(
+    bending: np.ndarray | float, flexion: np.ndarray | float, turn: np.ndarray | float = 0.0
+) -> np.ndarray:
     """Rotations Ry(bending) Rx(flexion) Rz(turn) by angles (...) [rad], shape (..., 3, 3)."""
     bending, flexion, turn = np.broadcast_arrays(bending, flexion, turn)
     ca, sa, cb, sb, ct, st = (f(x) for x in (bending, flexion, turn) for f in (np.cos, np.sin))

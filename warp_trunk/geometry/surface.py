@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warp_trunk.errors import InputError
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 FARTHEST = 1e7
 """No coordinate is farther from zero than this, in any unit; sums of cubes of such numbers stay exact enough."""
@@ -44,6 +48,15 @@ def directed_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """First and second vertex of each side of triangles (n, 3) in their direction, shape (3 n,) each, int64."""
     faces = faces.astype(np.int64)
     return faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
+
+
+def neighbour_means(surface: Surface) -> csr_array:
+    """The matrix that takes values at vertices to their means over the neighbours, shape (vertices, vertices)."""
+    from scipy.sparse import coo_array, diags_array  # heavy
+
+    ends, count = directed_edges(surface.faces), len(surface.vertices)
+    beside = coo_array((np.ones(len(ends[0])), ends), shape=(count, count)).tocsr()
+    return (diags_array(1.0 / np.maximum(beside.sum(axis=1), 1.0)) @ beside).tocsr()
 
 
 def area_vectors(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

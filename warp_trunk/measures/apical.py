@@ -17,7 +17,7 @@ from .spine import Spine, top_of_spine
 
 if TYPE_CHECKING:
     from .cobb import CobbAngle
-    from .spine import SacralLine, Spine
+    from .spine import SacralLine
 
 TURNED = 5.0
 """An apex turned by less than this has no neutral vertebra beside it [degrees]: films cannot distinguish it

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.geometry.section import SHOULDERS, own_part, sections, trunk_loop, upper_hull
+from warp_trunk.geometry.surface import directed_edges
 
 from .spine import SacralLine, Spine
 
 if TYPE_CHECKING:
     from warp_trunk.geometry.surface import Surface
-
-    from .spine import SacralLine, Spine
 
 
 def outlines_of(surface: Surface, spine: Spine) -> tuple[dict[str, np.ndarray | None], dict[str, str]]:
@@ -133,7 +132,7 @@ def waist_of(skin: Surface, spine: Spine, line: SacralLine, pelvis: float) -> Wa
     if len(heights) < 5 or heights[0] > pelvis:
         return None
     aside, z = (skin.vertices[:, :2] - line.point) @ line.across, skin.vertices[:, 2]
-    start, end = np.concatenate([skin.faces[:, [0, 1]], skin.faces[:, [1, 2]], skin.faces[:, [2, 0]]]).T
+    start, end = directed_edges(skin.faces)
     above = np.searchsorted(heights, z)  # the first height that is not below each vertex
     low, high = np.minimum(above[start], above[end]), np.maximum(above[start], above[end])
     cut = np.flatnonzero(low < high)

@@ -123,6 +123,8 @@ def skin_change(before: Surface, predicted: Surface) -> SkinChange:
     Raises:
         InputError: skins of other triangles, or a triangle without area before.
     """
+    from trimesh.graph import face_adjacency  # heavy
+
     if before.vertices.shape != predicted.vertices.shape or not np.array_equal(before.faces, predicted.faces):
         raise InputError(
             "skin quality: the predicted skin must have the vertices and triangles of the skin before "
@@ -132,7 +134,7 @@ def skin_change(before: Surface, predicted: Surface) -> SkinChange:
     area = np.linalg.norm(area_vectors(before.vertices, before.faces), axis=1)
     if not (area > 0.0).all():
         raise InputError("skin quality: a triangle of the skin before has no area; merge vertices that coincide")
-    pairs = _neighbours(before.faces)
+    pairs = face_adjacency(before.faces)  # the two faces at each edge of a closed 2-manifold
     fold = _angles(predicted, pairs) - _angles(before, pairs)
     centroids = before.vertices[before.faces].mean(axis=1)
     apart = np.linalg.norm(centroids[pairs[:, 0]] - centroids[pairs[:, 1]], axis=1)
@@ -165,14 +167,6 @@ def _middle_of_largest(part: np.ndarray, change: SkinChange, middle: np.ndarray)
     size = np.bincount(label[part], change.area[part])
     largest = part & (label == size.argmax())
     return np.average(middle[largest], axis=0, weights=change.area[largest])
-
-
-def _neighbours(faces: np.ndarray) -> np.ndarray:
-    """The two faces at each edge of a closed 2-manifold, shape (edges, 2)."""
-    ends = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    order = np.lexsort(ends.T)
-    first = np.flatnonzero((ends[order[:-1]] == ends[order[1:]]).all(axis=1))
-    return np.stack([order[first], order[first + 1]], axis=1) // 3
 
 
 def _angles(surface: Surface, pairs: np.ndarray) -> np.ndarray:

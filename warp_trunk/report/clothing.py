@@ -14,7 +14,7 @@ import numpy as np
 
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.section import sections, trunk_loop
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, neighbour_means
 from warp_trunk.measures.spine import Spine, asis_axis, spine_of
 
 from .style import TrunkState, Worn
@@ -62,13 +62,7 @@ def soft(before: Surface) -> np.ndarray:
 
 def softened(skin: Surface, part: np.ndarray) -> Surface:
     """The skin with the edges of its cuts rounded, for pictures; `part` is `soft` of the skin before surgery."""
-    from scipy.sparse import coo_array, diags_array
-
-    count = len(skin.vertices)
-    ends = np.concatenate([skin.faces[:, pair] for pair in ([0, 1], [1, 2], [2, 0])]).T
-    beside = coo_array((np.ones(ends.shape[1]), ends), shape=(count, count)).tocsr()
-    mean = diags_array(1.0 / np.maximum(beside.sum(axis=1), 1.0)) @ beside
-    vertices = skin.vertices
+    mean, vertices = neighbour_means(skin), skin.vertices
     for _ in range(_ROUNDS):
         vertices = vertices + (0.5 * part)[:, None] * (mean @ vertices - vertices)
     return Surface(vertices, skin.faces)

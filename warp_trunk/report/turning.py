@@ -17,6 +17,8 @@ from importlib.resources import files
 
 import numpy as np
 
+from warp_trunk.geometry.surface import directed_edges
+
 from .clothing import SHORTS_FACES, cloth_faces, open_back
 
 STEP = 0.04
@@ -121,8 +123,8 @@ def _in_order(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import depth_first_order
 
-    ends = np.concatenate([faces[:, pair] for pair in ([0, 1], [1, 2], [2, 0])]).T
-    graph = coo_array((np.ones(ends.shape[1]), ends), shape=(count, count)).tocsr()
+    ends = directed_edges(faces)
+    graph = coo_array((np.ones(len(ends[0])), ends), shape=(count, count)).tocsr()
     reached = depth_first_order(graph, int(faces[0, 0]), return_predecessors=False)
     order = np.append(reached, np.setdiff1d(np.arange(count), reached))
     rank = np.empty(count, dtype=np.int64)

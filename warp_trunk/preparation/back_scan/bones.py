@@ -10,7 +10,7 @@ from warp_trunk.bone_motion.rib_cage import ends
 from warp_trunk.case.anatomy import VERTEBRAE, rib_of
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
-from warp_trunk.geometry.surface import Surface, area_vectors, directed_edges, unit
+from warp_trunk.geometry.surface import Surface, area_vectors, neighbour_means, unit
 
 from ..deformity.spine_curve import VertebraPose
 
@@ -77,14 +77,9 @@ def under_skin(bone: Surface, distance: SurfaceDistance, facing: np.ndarray) -> 
         distance: to the skin.
         facing: unit normals of the triangles of the skin.
     """
-    from scipy.sparse import coo_array  # heavy
     from scipy.spatial import KDTree
 
-    first, second = directed_edges(bone.faces)
-    count = len(bone.vertices)
-    mean = coo_array((np.ones(len(first)), (first, second)), shape=(count, count)).tocsr()
-    mean = mean / np.maximum(mean.sum(axis=1), 1.0)[:, None]
-    vertices = bone.vertices
+    mean, vertices = neighbour_means(bone), bone.vertices
     for _ in range(_ROUNDS):
         near = distance.nearest(vertices)
         depth = -near.distance

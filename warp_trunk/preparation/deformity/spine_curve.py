@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from msgspec import Meta
 
+from warp_trunk.bone_motion.vertebra_motion import attitudes
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.errors import InputError
@@ -186,13 +187,8 @@ class VertebraPose:
     @property
     def matrix(self) -> np.ndarray:
         """The rotation (3, 3): about the vertebra's own axis, then in the sagittal and in the coronal plane."""
-        c, s = math.cos(self.tilt), math.sin(self.tilt)
-        lean = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-        if self.pitch:
-            c, s = math.cos(self.pitch), math.sin(self.pitch)
-            lean = lean @ np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
-        K = np.cross(np.eye(3), self.axis)  # K x = axis × x
-        return lean @ (np.eye(3) + math.sin(self.rotation) * K + (1.0 - math.cos(self.rotation)) * (K @ K))
+        turn = RigidMotion.exp(np.append(self.rotation * self.axis, np.zeros(3))).rotation
+        return attitudes(self.tilt, self.pitch) @ turn
 
     @property
     def still(self) -> bool:

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.geometry.distance_field import nearest
-from warp_trunk.geometry.surface import Surface, directed_edges, unit, vertex_areas, vertex_normals
+from warp_trunk.geometry.surface import (
+    Surface,
+    directed_edges,
+    neighbour_means,
+    unit,
+    vertex_areas,
+    vertex_normals,
+)
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -58,17 +65,14 @@ def fit_to_points(
 def thin_plate(surface: Surface) -> csr_array:
     """The matrix B of the bending of a plate: x.B x is the integral of the squared Laplacian of values x at the
     vertices of a closed surface, shape (vertices, vertices)."""
-    from scipy.sparse import coo_array, diags_array  # heavy
+    from scipy.sparse import diags_array  # heavy
 
-    count = len(surface.vertices)
     first, second = directed_edges(surface.faces)
-    valence = np.bincount(first, minlength=count)
     step = surface.vertices[second] - surface.vertices[first]
-    square = np.bincount(first, np.einsum("ei,ei->e", step, step), minlength=count) / valence
+    square = np.bincount(first, np.einsum("ei,ei->e", step, step)) / np.bincount(first)
     # the mean of the neighbours less the vertex is a quarter of the squared edge length times the Laplacian
     scale = 4.0 * np.sqrt(np.linalg.norm(vertex_areas(surface), axis=1)) / square
-    mean = coo_array((scale[first] / valence[first], (first, second)), shape=(count, count)).tocsr()
-    laplacian = mean - diags_array(scale)
+    laplacian = diags_array(scale) @ neighbour_means(surface) - diags_array(scale)
     return (laplacian.T @ laplacian).tocsr()
 
 
