@@ -1,20 +1,27 @@
-"""How bones move on the phantom, whose landmarks are turned and shifted by known motions."""
+"""How bones move on the phantom, whose landmarks follow known motions, and on real anatomy."""
 
+import os
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from support.anatomy import anatomy
 from warp_trunk.bone_motion import articulation
 from warp_trunk.bone_motion.rib_cage import ends
 from warp_trunk.bone_motion.skeleton import Skeleton
 from warp_trunk.case.case import Pose
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.rib_coupling import RibCoupling
+from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.surface_files import read_surface, surface_files
+from warp_trunk.preparation.deformity import SpineCurve, make_case
 from warp_trunk.preparation.phantom import straight_trunk
+from warp_trunk.run.patient import motions_of
 
 TURN = RigidMotion.exp(np.array([0.02, 0.1, -0.03, -14.0, 6.0, 5.0]))
 
@@ -130,3 +137,33 @@ def test_what_vertebrae_do_beside_leaning_reaches_the_ribs_by_shares() -> None:
     bent = bone_motions(bones, before, Landmarks(before.names, points), coupling=shares, pose="bending")
     for bone in ("rib_left_08", "rib_right_08"):
         np.testing.assert_allclose(bent[bone].as_matrix(), (lean * upright[bone]).as_matrix(), atol=1e-8)
+
+
+@cache
+def corrected_anatomy() -> tuple[dict[str, Surface], dict[str, RigidMotion]]:
+    """Bones before surgery, and how they go as a curve of 60 degrees is corrected by 70 %."""
+    skin, bones = anatomy()
+    extra = Path(os.environ["WARP_TRUNK_ANATOMY"], "bones_extra")
+    if not extra.is_dir():
+        pytest.skip("the folder that WARP_TRUNK_ANATOMY names has no bones_extra/")
+    more = {name: read_surface(path) for name, path in surface_files(extra).items()}
+    case = make_case(skin, bones | more, SpineCurve(), 0.7)
+    return dict(case.bones), dict(motions_of(case))
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_shoulder_blade_does_not_cut_into_ribs(side: str) -> None:
+    bones, motions = corrected_anatomy()
+    blade = bones[f"scapula_{side}"]
+    after = SurfaceDistance(Surface(motions[f"scapula_{side}"].apply(blade.vertices), blade.faces))
+    for number in range(1, 9):
+        rib = f"rib_{side}_{number:02d}"
+        assert after.at(motions[rib].apply(bones[rib].vertices)).min() > -1.0
+
+
+def test_a_clavicle_keeps_both_of_its_joints() -> None:
+    bones, motions = corrected_anatomy()
+    clavicle = "clavicle_left"
+    for neighbour in ("sternum", "scapula_left"):
+        joint = ends(bones[clavicle], bones[neighbour])[0]
+        assert np.linalg.norm(motions[clavicle].apply(joint) - motions[neighbour].apply(joint)) < 4.0

@@ -1,4 +1,4 @@
-"""Plans that are kept are cases as `plan` writes them, whole or not there."""
+"""Plans that are kept are cases as `plan` writes them; the words and the table of the page."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +11,10 @@ from warp_trunk.bone_motion.plan import CurvePlan, Plan, PlannedSurgery, plan_su
 from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.live.kept import KeptPlans
+from warp_trunk.live.number_table import numbers_html
 from warp_trunk.live.session import PlanView
+from warp_trunk.measures import measure
+from warp_trunk.measures.rows import number
 
 FILES = {"bones", "case.toml", "landmarks_after.csv", "landmarks_before.csv", "plan.json", "plan.toml", "skin.ply"}
 CASE = curved_case()
@@ -84,3 +87,29 @@ def test_plans_of_before_are_found_and_no_others(tmp_path: Path) -> None:
     header.rename(tmp_path / "mine" / "case.toml")
     again = KeptPlans(tmp_path, CASE)
     assert (again.names, again.earlier, again.views) == (("mine",), {"mine": SURGERY.plan}, {})
+
+
+PLAN = Plan(uiv="T4", liv="T11", curves=(CurvePlan(apex=APEX, correction=0.5),))
+BEFORE = measure(CASE.skin, CASE.landmarks_before)
+VIEW = PlanView(1, {}, plan_surgery(CASE, PLAN), {}, CASE.skin.vertices, error=2.34, warnings=("a < b",))
+
+
+def test_the_table_has_what_the_plan_and_the_skin_have() -> None:
+    text = numbers_html(CASE, BEFORE, VIEW, BEFORE)
+    assert isinstance(VIEW.surgery, PlannedSurgery)
+    curve = next(curve for curve in VIEW.surgery.curves if curve.planned)
+    row = text[text.index(f"Cobb angle {curve.before.upper} to {curve.before.lower}") :]
+    assert f"<td>{number(curve.before.angle)}</td><td>{number(curve.cobb_after)}</td>" in row[:150]
+    assert "The back, of the skin relaxed last" in text  # the measures are those of another view
+    assert "Look:</b> a &lt; b" in text
+    assert text.count("<rect") == 2 * sum(angle is not None for angle in BEFORE.bsr.values())
+    measured = replace(VIEW, relaxed=True, measures=BEFORE)
+    assert "relaxed last" not in numbers_html(CASE, BEFORE, measured, BEFORE)
+
+
+def test_a_plan_to_compare_with_is_a_column_of_its_own() -> None:
+    kept = replace(VIEW, measures=BEFORE)
+    text = numbers_html(CASE, BEFORE, kept, BEFORE, ("<mine>", kept))
+    assert "&lt;mine&gt;" in text
+    assert "<mine>" not in text
+    assert text.count("<rect") == 3 * sum(angle is not None for angle in BEFORE.bsr.values())

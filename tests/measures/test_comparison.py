@@ -1,12 +1,27 @@
-"""A predicted skin against an actual one, with errors that are known."""
+"""A predicted skin against others: errors of rotation, distances, stretch and folds that are known."""
+
+import math
 
 import numpy as np
 import pytest
 
 from support.asserting import there
-from support.trunk_shapes import LEVELS, spine, twisted
+from support.synthetic import sphere
+from support.trunk_shapes import LEVELS, ellipse, joined, spine, tube, twisted
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import compare_skins
-from warp_trunk.measures.comparison import DETECTABLE, RANGES, bsr_error
+from warp_trunk.measures.comparison import (
+    DETECTABLE,
+    RANGES,
+    Regions,
+    SkinDistance,
+    bsr_error,
+    distance_statistics,
+    regions_of,
+    skin_distance,
+)
+from warp_trunk.measures.skin_quality import SkinQuality, skin_change, skin_quality
 
 
 def test_error_of_a_twist_is_that_of_its_angles():
@@ -35,3 +50,192 @@ def test_largest_rotations_are_compared_by_their_size():
     alone = there(bsr_error(angles, ("T9",)))
     assert (alone.mean, alone.sd) == (1.0, None)
     assert bsr_error(angles, ("L1",)) is None
+
+
+FEW = {"T4": 350.0, "T12": 200.0, "L5": 50.0}
+LANDMARKS = spine(FEW, (0.0, 20.0))
+BALL_LEVELS = spine({"T1": 60.0, "T6": 0.0, "L5": -60.0}, (0.0, 0.0))
+
+
+def compared(one, other, landmarks=LANDMARKS):
+    there, back = skin_distance(one, other, landmarks), skin_distance(other, one, landmarks)
+    return there, distance_statistics(there, back)
+
+
+@pytest.mark.parametrize(("radius", "expected"), [(104.0, -4.0), (97.0, 3.0)])
+def test_concentric_spheres_are_their_radii_apart(radius, expected):
+    distance, statistics = compared(sphere(100.0, subdivisions=4), sphere(radius, subdivisions=4), BALL_LEVELS)
+    np.testing.assert_allclose(distance.signed, expected, atol=0.12)  # flat triangles of a round surface
+    for region in ("back", "front", "flanks", "main thoracic, back left"):
+        found = there(statistics[region])
+        assert found.signed_mean == pytest.approx(expected, abs=0.12)
+        sizes = (found.mean, found.rms, found.p95, found.maximum, found.symmetric_mean, found.symmetric_maximum)
+        assert sizes == pytest.approx([abs(expected)] * 6, abs=0.12)
+    assert distance.counted.sum() > 0.6 * len(distance.counted)
+
+
+def test_necks_and_thighs_cut_elsewhere_do_not_count():
+    """The actual skin ends 20 mm below the top level and 15 mm above the lowest."""
+    _, statistics = compared(tube(ellipse(), rows=80), tube(ellipse(), 65.0, 330.0, rows=53))
+    for region in ("back", "front", "lumbar, back left", "upper thoracic, flank right"):
+        found = there(statistics[region])
+        assert found.symmetric_maximum < 1.0
+        assert found.p95 < 0.01
+
+
+def test_arms_cut_off_spoil_the_flanks_only():
+    """The sides of an ellipse cut off flat at x = 142 mm, where it faces 27 degrees from sideways."""
+    whole = tube(ellipse(), rows=40)
+    cut = Surface(np.clip(whole.vertices, [-142.0, -1e3, -1e3], [142.0, 1e3, 1e3]), whole.faces)
+    _, statistics = compared(cut, whole)
+    back, front, flanks = (there(statistics[region]) for region in ("back", "front", "flanks"))
+    assert max(back.maximum, front.maximum) < 1e-3
+    assert flanks.signed_mean < -3.0
+    assert flanks.symmetric_maximum == pytest.approx(8.0, abs=0.1)
+
+
+def test_skin_that_faces_another_way_is_not_the_same_skin():
+    """A plate behind the back, whose front face is the nearest point of it, faces the back."""
+    trunk = tube(ellipse(), rows=40)
+    plate = tube(np.array([[-200.0, 105.0], [200.0, 105.0], [200.0, 125.0], [-200.0, 125.0]]))
+    away = Surface(trunk.vertices - [0.0, 40.0, 0.0], trunk.faces)
+    distance = skin_distance(trunk, joined(away, plate), LANDMARKS)
+    nearest_to_plate = (trunk.vertices[:, 1] > 95.0) & distance.regions.masks["back"]
+    assert nearest_to_plate.any()
+    assert not distance.counted[nearest_to_plate].any()
+
+
+def on_the_back(signed, area, counted=True):
+    """Distances of vertices that all lie on the back."""
+    count = len(signed)
+    regions = Regions(
+        band=np.zeros(count, dtype=int),
+        to_left=np.ones(count, dtype=bool),
+        facing=np.ones(count, dtype=np.int8),
+        normals=np.tile([0.0, 1.0, 0.0], (count, 1)),
+        area=np.array(area),
+    )
+    return SkinDistance(np.array(signed), np.full(count, counted), regions)
+
+
+def test_statistics_weigh_vertices_by_their_area():
+    """A tenth of the area 5 mm inside, the rest 3 mm outside; the other way 2 mm over as much again."""
+    found = distance_statistics(on_the_back([-5.0, 3.0], [100.0, 900.0]), on_the_back([2.0], [1000.0]))["back"]
+    assert found is not None
+    assert found.area == pytest.approx(10.0)
+    assert found.signed_mean == pytest.approx(2.2)
+    assert found.mean == pytest.approx(3.2)
+    assert found.rms == pytest.approx(math.sqrt(10.6))
+    assert (found.p95, found.maximum) == (5.0, 5.0)
+    assert found.symmetric_mean == pytest.approx(2.6)
+    assert found.symmetric_maximum == 5.0
+    rarer = there(distance_statistics(on_the_back([-5.0, 3.0], [40.0, 960.0]), on_the_back([-7.0], [1.0]))["back"])
+    assert (rarer.p95, rarer.maximum, rarer.symmetric_maximum) == (3.0, 5.0, 7.0)
+
+
+RADIUS = 100.0
+OF_CYLINDER = {"T4": 350.0, "T5": 310.0, "T12": 230.0, "L1": 190.0, "L5": 70.0}
+BANDS = {"upper thoracic": (330.0, 370.0), "main thoracic": (210.0, 330.0), "lumbar": (10.0, 210.0)}
+
+
+@pytest.fixture(scope="module")
+def cylinder():
+    skin = tube(ellipse(360, RADIUS, RADIUS), rows=200)
+    return skin, regions_of(skin, spine(OF_CYLINDER, (0.0, 20.0)))
+
+
+@pytest.mark.parametrize("band", BANDS)
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_areas_are_those_of_their_part_of_a_cylinder(cylinder, band, side):
+    """Back is 120 degrees of the circle and a flank 60; bands end half way between their vertebrae."""
+    skin, regions = cylinder
+    low, high = BANDS[band]
+    for part in ("back", "flank"):
+        mask = regions.masks[f"{band}, {part} {side}"]
+        assert skin.vertices[mask, 0].mean() * (1.0 if side == "left" else -1.0) > 30.0
+        area = regions.area[mask].sum()
+        assert area == pytest.approx(RADIUS * math.radians(60.0) * (high - low), rel=0.03)
+
+
+def test_left_is_left_of_the_spine_as_it_runs():
+    """A spine that leans from 60 mm left at the bottom to 60 mm right at the top parts the back there."""
+    skin = tube(ellipse(360, RADIUS, RADIUS), rows=40)
+    leaning = spine({"T1": 390.0, "L5": 10.0}, (0.0, 20.0))
+    leaning.points[:2, 0], leaning.points[2:4, 0] = -60.0, 60.0
+    left = regions_of(skin, leaning).to_left
+    line = 60.0 - 120.0 * (np.clip(skin.vertices[:, 2], 10.0, 390.0) - 10.0) / 380.0
+    assert np.array_equal(left, skin.vertices[:, 0] > line)
+
+
+MARKS = Landmarks(
+    ("T5_superior_endplate", "T6_superior_endplate", "asis_left", "asis_right"),
+    np.array([[0.0, 0, 80], [0.0, 0, 20], [60.0, -50, -100], [-60.0, -50, -100]]),
+)
+
+
+def sheet(cells: int = 10) -> Surface:
+    """A square sheet of the back at y = 60 of so many cells of 10 mm each way, its edges 10 and 14.1 mm long."""
+    x, z = np.meshgrid(10.0 * np.arange(cells + 1) - 5.0 * cells, 10.0 * np.arange(cells + 1))
+    points = np.column_stack([x.ravel(), np.full(x.size, 60.0), z.ravel()])
+    corner = (np.arange(cells)[:, None] * (cells + 1) + np.arange(cells)).ravel()
+    a, b, c, d = corner, corner + 1, corner + cells + 2, corner + cells + 1
+    return Surface(points, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]).astype(np.int32))
+
+
+def folded(surface: Surface, degrees: float) -> Surface:
+    """Its half above z = 80 turned forward about that line."""
+    angle, points = np.radians(degrees), surface.vertices.copy()
+    upper = points[:, 2] > 80.0
+    over = points[upper, 2] - 80.0
+    points[upper, 1] -= np.sin(angle) * over
+    points[upper, 2] = 80.0 + np.cos(angle) * over
+    return Surface(points, surface.faces)
+
+
+def test_a_skin_moved_as_a_whole_is_as_good_as_before():
+    turn = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
+    before = folded(sheet(), 30.0)
+    predicted = Surface(before.vertices @ turn.T + 7.0, before.faces)
+    change, found = skin_change(before, predicted), skin_quality(before, predicted, MARKS)
+    assert change.stretch == pytest.approx(1.0, abs=1e-7)
+    assert found == SkinQuality(0.0, 0.0, "", 0.0, "")
+    assert found.faults == ()
+
+
+@pytest.mark.parametrize("degrees", [5.0, 27.0, 120.0])
+def test_a_single_fold_is_measured_and_not_warned_of(degrees):
+    """Ten edges of 10 mm, of each a third of two triangles of 50 mm2."""
+    before, after = sheet(), folded(sheet(), degrees)
+    found = skin_quality(before, after, MARKS)
+    assert found.folded_area == pytest.approx(10 * 100.0 / 3.0 / 100.0 if degrees > 20.0 else 0.0)
+    assert found.folded_at.startswith("near T5, on the back" if degrees > 20.0 else "")
+    assert found.stretched_area == 0.0
+    assert found.faults == ()
+    opened = skin_quality(after, before)
+    assert opened.folded_area == 0.0  # what becomes flat is no fold
+
+
+@pytest.mark.parametrize(("height", "faults"), [(1.0, 0), (4.0, 1)])
+def test_crumpled_skin_is_warned_of(height, faults):
+    """Waves of 20 mm: heights of 1 mm bend 150 by 150 mm by 11 degrees at every crest, heights of 4 by 44."""
+    before = sheet(15)
+    points = before.vertices.copy()
+    points[:, 1] += height * (np.round(points[:, 2] / 10.0) % 2)
+    found = skin_quality(before, Surface(points, before.faces))
+    assert len(found.faults) == faults
+    assert (found.folded_area > 50.0) == bool(faults)
+
+
+@pytest.mark.parametrize(
+    ("factor", "stretched", "shown"), [(1.19, 0, 0), (1.21, 0, 100), (1.34, 0, 100), (1.36, 100, 100)]
+)
+def test_stretch_is_that_of_the_sheet_in_any_direction(factor, stretched, shown):
+    """Edges across the stretch and triangles' own axes do not matter: 100 cm2 are pulled along a slanted line."""
+    before = sheet()
+    along = np.array([0.6, 0.0, 0.8])
+    pull = np.eye(3) + (factor - 1.0) * np.outer(along, along)
+    predicted = Surface(before.vertices @ pull, before.faces)
+    found = skin_quality(before, predicted, MARKS)
+    assert skin_change(before, predicted).stretch == pytest.approx(factor, rel=1e-7)
+    assert (found.stretched_area, found.shown_area) == pytest.approx((stretched, shown))
+    assert len(found.faults) == (stretched > 50.0)

@@ -1,14 +1,24 @@
-"""Measures of a trunk that is turned by known angles."""
+"""Measures of trunks turned by known angles, of real anatomy too, and their derivatives against differences."""
+
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from support.anatomy import anatomy, anatomy_landmarks
+from support.asserting import there
 from support.phantoms import whole_phantom
 from support.small_trunk import small_case, turned
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures import measure
+from warp_trunk.measures import TrunkMeasures, back_surface_rotation, compare_skins, measure
+from warp_trunk.measures.derivatives import (
+    Derivative,
+    hump_derivative,
+    rotation_derivative,
+    shoulder_derivative,
+)
 from warp_trunk.measures.quantities import QUANTITIES, measured
 
 
@@ -35,3 +45,103 @@ def test_turning_the_whole_patient_about_the_vertical_changes_no_measure_of_the_
     assert len(of_back) > 80
     for name in of_back:
         assert after[name] == pytest.approx(before[name], abs=1e-6)
+
+
+TWIST = 20.0
+"""Clockwise, over the height of the trunk above the pelvis [degrees]."""
+
+
+def twist(points, bottom, top):
+    angle = -np.radians(TWIST) * np.clip((points[:, 2] - bottom) / (top - bottom), 0.0, None)
+    x, y, z = (points - [0.0, -60.0, 0.0]).T
+    c, s = np.cos(angle), np.sin(angle)
+    return np.column_stack([c * x - s * y, s * x + c * y - 60.0, z])
+
+
+def test_twisted_anatomy_has_the_angles_of_its_twist():
+    (skin, _), landmarks = anatomy(), anatomy_landmarks()
+    bottom, top = landmarks.of_bone("L5").points[:, 2].min() - 10.0, skin.vertices[:, 2].max()
+    turned = Landmarks(landmarks.names, twist(landmarks.points, bottom, top))
+    twisted = Surface(twist(skin.vertices, bottom, top), skin.faces)
+    straight, measures = measure(skin, landmarks), measure(twisted, turned)
+    for level in straight.bsr:
+        height = landmarks.of_bone(level).points[:, 2].mean()
+        angle = TWIST * (height - bottom) / (top - bottom)
+        for name in ("bsr", "axial_rotation"):
+            before, after = (there(getattr(found, name)[level]) for found in (straight, measures))
+            assert after - before == pytest.approx(angle, abs=0.5)
+    assert there(measures.hump_height["T8"]) > 15.0
+    error = there(compare_skins(twisted, skin, turned).bsr_error["T4-T12"])
+    assert error.mean > 5.0
+    assert not error.undetectable
+
+
+CASE = whole_phantom()
+LEVELS = ("T2", "T5", "T8", "T12", "L2", "L4")
+STEP = 1e-6
+
+
+def rough() -> Surface:
+    """A lopsided skin, no two of whose points are level."""
+    noise = np.random.default_rng(1).normal(scale=0.3, size=CASE.skin.vertices.shape)
+    return Surface(CASE.skin.vertices + noise, CASE.skin.faces)
+
+
+def differs(
+    number: Callable[[TrunkMeasures], float | None], found: Derivative, skin: Surface, landmarks: Landmarks
+) -> list[tuple[float, float]]:
+    """The change of a number in random directions, by its derivative and by central differences."""
+    pairs = []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        along = (
+            rng.normal(size=skin.vertices.shape) * (seed != 1),
+            rng.normal(size=landmarks.points.shape) * (seed != 0),
+        )
+        ends = []
+        for sign in (1.0, -1.0):
+            moved = Surface(skin.vertices + sign * STEP * along[0], skin.faces)
+            marks = Landmarks(landmarks.names, landmarks.points + sign * STEP * along[1])
+            ends.append(there(number(measure(moved, marks))))
+        predicted = np.vdot(found.vertices, along[0]) + np.vdot(found.landmarks, along[1])
+        pairs.append((float(predicted), (ends[0] - ends[1]) / (2.0 * STEP)))
+    return pairs
+
+
+def agree(pairs: list[tuple[float, float]]) -> None:
+    predicted, wanted = np.array(pairs).T
+    np.testing.assert_allclose(predicted, wanted, rtol=0.0, atol=1e-5 * np.abs(wanted).max())
+    assert np.abs(wanted).max() > 0.0
+
+
+def turned_pelvis(degrees: float) -> Landmarks:
+    """The landmarks with the line of the iliac spines turned about its middle, seen from above."""
+    points, names = CASE.landmarks_before.points.copy(), CASE.landmarks_before.names
+    rows = [names.index("asis_left"), names.index("asis_right")]
+    middle = points[rows].mean(axis=0)
+    points[rows] = Rotation.from_euler("z", degrees, degrees=True).apply(points[rows] - middle) + middle
+    return Landmarks(names, points)
+
+
+@pytest.mark.parametrize(("level", "pelvis"), [*((level, 0) for level in LEVELS), ("T8", 20), ("T10", 20)])
+def test_rotation(level: str, pelvis: float) -> None:
+    skin, landmarks = rough(), turned_pelvis(pelvis)
+    tangent = there(back_surface_rotation(skin, landmarks)[level])
+    found = rotation_derivative(skin, landmarks, level, tangent)
+    assert found.value == pytest.approx(tangent.angle, abs=1e-9)
+    agree(differs(lambda m: m.bsr[level], found, skin, landmarks))
+
+
+@pytest.mark.parametrize("level", ["T5", "T8", "T12", "L2"])
+def test_hump(level: str) -> None:
+    skin, landmarks = rough(), CASE.landmarks_before
+    tangent = there(back_surface_rotation(skin, landmarks)[level])
+    found = there(hump_derivative(skin, landmarks, level, tangent))
+    agree(differs(lambda m: m.hump_height[level], found, skin, landmarks))
+
+
+def test_shoulders() -> None:
+    skin, landmarks = rough(), CASE.landmarks_before
+    found = there(shoulder_derivative(skin, landmarks))
+    assert found.value == pytest.approx(there(measure(skin, landmarks).shoulders).difference, abs=1e-12)
+    agree(differs(lambda m: None if m.shoulders is None else m.shoulders.difference, found, skin, landmarks))

@@ -1,15 +1,18 @@
-"""The table of quantities, and it as text: nothing lost, and nothing missing passed off as zero."""
+"""The table of quantities as rows, text and sentences, of trunks and spines whose angles are known."""
 
 import re
 
 import polars as pl
 import pytest
 
-from support.trunk_shapes import ellipse, rotation, spine, tube
+from support.known_spine import known_spine
+from support.trunk_shapes import ellipse, flat_back, rotation, spine, tube
 from warp_trunk.measures import compare_skins, measure
 from warp_trunk.measures.comparison import comparison_rows
 from warp_trunk.measures.quantities import COLUMNS, QUANTITIES, Measured, MeasureTable, measured
-from warp_trunk.measures.rows import measures_text
+from warp_trunk.measures.rows import STATES, MeasureRow, level_rows, measure_rows, measures_text
+from warp_trunk.report.sentences import sentences
+from warp_trunk.report.style import BEFORE, PREDICTED, TrunkState
 
 LEVELS = {"T3": 420.0, "T4": 350.0, "T12": 200.0, "L5": 50.0}
 
@@ -53,3 +56,78 @@ def test_text_says_what_is_missing_and_why(turned):
     assert "missing: trunk_shift: no landmarks of C7 or T1" in text
     assert re.search(r"largest from T1 to T12 \[°\] +10 right", text)
     assert "-0.0" not in text
+
+
+THORACIC = {"T1": -10.0, "T5": 30.0, "T12": -30.0, "L4": 0.0}
+
+
+def scaled(angles, share):
+    return {level: share * angle for level, angle in angles.items()}
+
+
+def pose(look, spine, turn=0.0):
+    """A trunk with a flat back, turned clockwise seen from above, and its spine."""
+    skin = tube(flat_back() @ rotation(-turn).T, bottom=-80.0, top=440.0)
+    measures = measure(skin, spine)
+    return TrunkState(look, skin, spine, measures, MeasureTable.of({look.state: measures}))
+
+
+def poses(before, planned, turned=(12.0, 4.0), **options):
+    return [
+        pose(BEFORE, known_spine(to_left=before, **options), turned[0]),
+        pose(PREDICTED, known_spine(to_left=planned, **options), turned[1]),
+    ]
+
+
+def table_of(states):
+    return MeasureTable.of(dict(zip(STATES, (state.measures for state in states), strict=True)))
+
+
+def compared(states):
+    """The compared cells of every row, by title."""
+    groups = measure_rows(table_of(states), states[0].measures)
+    return {row.title: row.compared_cells()[1:] for rows in groups.values() for row in rows}
+
+
+def test_a_left_curve_and_a_left_hump_that_improve_become_less():
+    """Mirrored, a thoracic 60 with its hump on the left: sizes fall, and no change is printed as more."""
+    left = poses(scaled(THORACIC, -1.0), scaled(THORACIC, -0.3), turned=(-12.0, -4.0))
+    rows = compared(left)
+    assert rows["Rotation of the back (BSR), largest from T1 to T12 [°]"] == ["12 left", "4.0 left", "−8.0"]
+    improved = [
+        cells[2] for title, cells in rows.items() if title.startswith(("Rotation of the back", "Hump", "Cobb"))
+    ]
+    assert len(improved) == 6
+    assert all(change.startswith("−") for change in improved)
+    levels = level_rows(table_of(left))
+    assert all(row.compared_cells()[3].startswith("−") for row in levels)
+    assert (
+        "left side of the back still stands further back, by 4 degrees"
+        in sentences(table_of(left), ())["What stays"]
+    )
+
+
+def test_every_curve_is_followed_between_the_same_vertebrae():
+    both = poses(THORACIC, scaled(THORACIC, 0.3))
+    groups = measure_rows(table_of(both), both[0].measures)
+    curves = {"T1 to T5": (40.0, 12.0), "T5 to T12": (60.0, 18.0), "T12 to L4": (30.0, 9.0)}
+    assert [name.split(",")[0] for name in groups if name.startswith("Curve")] == [
+        f"Curve {ends}" for ends in curves
+    ]
+    cobb = [row for rows in groups.values() for row in rows if row.name.startswith("Cobb")]
+    for row, (ends, angles) in zip(cobb, curves.items(), strict=True):
+        assert row.short == f"Cobb angle {ends}"
+        assert row.values == pytest.approx(angles, abs=1e-6)
+    over = compared(poses(THORACIC, scaled(THORACIC, -0.1)))  # overcorrected: below zero
+    assert [cells[1] for title, cells in over.items() if title.startswith("Cobb")] == ["−4.0", "−6.0", "−3.0"]
+
+
+@pytest.mark.parametrize(
+    ("was", "will", "change"),
+    [(7.0, 9.0, "+2.0 ▲"), (7.0, -5.0, "−2.0 other side"), (3.6, -3.8, "+0.2 ▲ other side"), (9.0, 7.0, "−2.0")],
+)
+def test_what_grows_and_what_changes_its_side_are_marked(was, will, change):
+    row = MeasureRow(quantity=QUANTITIES["shoulder_difference_mm"], level="", values=(was, will))
+    assert row.compared_cells()[3] == change
+    height = MeasureRow(quantity=QUANTITIES["spine_height_mm"], level="", values=(386.0, 404.0))
+    assert height.compared_cells()[3] == "+18"

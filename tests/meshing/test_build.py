@@ -1,12 +1,20 @@
+"""A trunk between skin and bones that touch: its parts, its joints, and the cache."""
+
+from dataclasses import fields, replace
+
 import numpy as np
 import pytest
 
+from support.asserting import there
+from support.meshes import block_with_bone
 from support.synthetic import box, shell_trunk, sphere
 from warp_trunk.engine.trunk_mesh import check_trunk, tet_volumes
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import manifold_fault
 from warp_trunk.meshing import MeshOptions, make_trunk
 from warp_trunk.meshing.build import morton_order
+from warp_trunk.meshing.cache import cache_key, load_cached, store_cached
+from warp_trunk.meshing.joints import free_joints
 
 SKIN = sphere(100.0)
 BONES = {"upper": sphere(25.0, (0.0, 5.0, 22.0), 2), "lower": sphere(25.0, (0.0, 5.0, -22.0), 2)}
@@ -77,3 +85,96 @@ def test_cells_of_a_cube_come_in_z_order():
     assert (octants == octants[:, :1]).all()
 
     np.testing.assert_array_equal(morton_order(np.zeros((3, 3))), [0, 1, 2])
+
+
+KEY = "0" * 64
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("WARP_TRUNK_CACHE", str(tmp_path / "kept"))
+    return tmp_path / "kept"
+
+
+def test_a_mesh_comes_back(trunk, folder):
+    assert load_cached(KEY) is None
+    store_cached(KEY, trunk)
+    back = there(load_cached(KEY))
+    for field in fields(trunk):
+        np.testing.assert_array_equal(getattr(back, field.name), getattr(trunk, field.name))
+    assert [path.name for path in folder.iterdir()] == [f"mesh-{KEY}.npz"]
+
+
+def test_folder_that_cannot_be_written_only_warns(trunk, folder):
+    folder.write_text("a file where the folder should be")
+    with pytest.warns(UserWarning, match="could not be kept"):
+        store_cached(KEY, trunk)
+
+
+def test_key_depends_on_every_part():
+    skin, bone = sphere(10.0), sphere(2.0)
+    moved = Surface(skin.vertices + np.array([0.0, 0.0, 1e-12]), skin.faces)
+    turned = Surface(skin.vertices, np.roll(skin.faces, 1, axis=0))
+    keys = [cache_key(one, {"a": bone}, "o") for one in (skin, moved, turned)]
+    keys += [
+        cache_key(skin, bones, "o") for bones in ({"b": bone}, {"a": bone, "b": bone}, {"b": bone, "a": bone})
+    ]
+    assert len({*keys, cache_key(skin, {"a": bone}, "p")}) == 7
+    assert cache_key(skin, {"a": bone}, "o") == keys[0]
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [lambda b: b[:1000], lambda b: b[: len(b) // 2] + bytes([b[len(b) // 2] ^ 0xFF]) + b[len(b) // 2 + 1 :]],
+    ids=["cut", "a byte changed"],
+)
+def test_a_damaged_file_is_made_again(trunk, folder, spoil):
+    store_cached(KEY, trunk)
+    for path in folder.iterdir():
+        path.write_bytes(spoil(path.read_bytes()))
+    assert load_cached(KEY) is None
+
+
+def test_a_mesh_of_another_key_or_whose_parts_do_not_fit_is_not_used(trunk, folder):
+    store_cached(KEY, trunk)
+    (folder / f"mesh-{KEY}.npz").rename(folder / f"mesh-{'1' * 64}.npz")
+    assert load_cached("1" * 64) is None
+    store_cached(KEY, replace(trunk, tets=trunk.tets[:, [0, 2, 1, 3]]))
+    assert load_cached(KEY) is None
+
+
+def test_no_held_triangle_joins_two_bones_whose_joint_is_free() -> None:
+    trunk = shell_trunk()  # two spheres that touch
+    bones = trunk.bone[trunk.bone_faces]
+    assert (bones.min(axis=1) != bones.max(axis=1)).any()  # they are merged
+    free = free_joints(trunk)
+    bones = free.bone[free.bone_faces]
+    assert ((bones.min(axis=1) == bones.max(axis=1)) | (bones.min(axis=1) < 0)).all()
+    freed = (trunk.bone >= 0) & (free.bone < 0)
+    assert freed.any()
+    assert np.abs(trunk.nodes[freed, 2]).max() < 20.0  # where they touch, at z = 0, and not elsewhere
+    assert set(free.bone[free.bone >= 0]) == {0, 1}
+
+
+def test_between_two_bones_no_tetrahedron_is_held_at_all_corners() -> None:
+    trunk = block_with_bone((5, 5, 5), 8.0, holes=((1, 2, 2), (3, 2, 2)))  # a cell apart
+    bridging = (trunk.bone[trunk.tets] >= 0).all(axis=1)
+    assert (np.ptp(trunk.bone[trunk.tets[bridging]], axis=1) > 0).any()
+    free = free_joints(trunk)
+    freed = (trunk.bone >= 0) & (free.bone < 0)
+    bone = free.bone[trunk.tets]
+    assert not ((bone >= 0).all(axis=1) & (np.ptp(bone, axis=1) > 0)).any()
+    assert 0 < freed.sum() <= 8  # nodes of the two faces towards each other, no others
+    np.testing.assert_allclose(trunk.nodes[freed, 0], 2.5 * 8.0, atol=0.61 * 8.0)
+    np.testing.assert_array_equal(free.bone[~freed], trunk.bone[~freed])
+
+
+@pytest.mark.parametrize("slides", ["scapula_left", "clavicle_right"])
+def test_of_a_bone_that_slides_the_face_towards_another_is_free_at_any_distance(slides: str) -> None:
+    trunk = block_with_bone((5, 5, 5), 8.0, holes=((1, 2, 2), (3, 2, 2)))
+    free = free_joints(replace(trunk, bone_names=("rib_left_05", slides)))
+    freed = np.flatnonzero((trunk.bone >= 0) & (free.bone < 0))
+    sliding = trunk.bone == 1
+    towards = sliding & (np.abs(trunk.nodes[:, 0] - trunk.nodes[trunk.bone == 0, 0].max()) < 8.5)
+    assert towards.sum() == 4
+    assert set(np.flatnonzero(towards)) <= set(freed)

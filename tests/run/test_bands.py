@@ -1,5 +1,6 @@
-"""How sure a prediction says it is, against whole simulations with drawn errors."""
+"""How sure a prediction says it is, and the sources of its errors, against simulations and bones moved again."""
 
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from functools import cache
 
@@ -9,18 +10,28 @@ import pytest
 from support.asserting import there
 from support.phantoms import whole_phantom
 from support.small_trunk import boned_case
+from warp_trunk.bone_motion.prescribed_motion import spline_path
+from warp_trunk.case import Case
+from warp_trunk.case.rib_coupling import RANGES, RibCoupling
 from warp_trunk.case.uncertainty import FACTORS, Uncertainty
 from warp_trunk.engine.simulation import SimulationOptions
+from warp_trunk.engine.trunk_mesh import TrunkMesh
+from warp_trunk.geometry.spline import spline_response
+from warp_trunk.geometry.surface import Surface, vertex_normals
 from warp_trunk.measures import cobb_angles, measure
 from warp_trunk.measures.cobb import curves_after, kyphosis
 from warp_trunk.measures.quantities import MeasureTable
 from warp_trunk.measures.spine import spine_of
+from warp_trunk.preparation.deformity import SpineCurve, correct, impose
+from warp_trunk.preparation.phantom import straight_trunk
 from warp_trunk.results.bands import FoundBands
+from warp_trunk.run.draws import SAMPLE, Draws, draw_landmarks, spline_draws
 from warp_trunk.run.intervals import find_bands, spine_bands
 from warp_trunk.run.options import RunOptions
+from warp_trunk.run.patient import motions_of
 from warp_trunk.run.prediction import Prediction, prepare, prepare_plan
 from warp_trunk.run.sensitivities import sensitivities
-from warp_trunk.run.sources import ErrorSource
+from warp_trunk.run.sources import ErrorSource, rib_share_sources
 
 CASE, TRUNK = boned_case()
 CERTAIN = Uncertainty(**{one.name: float(one.name in FACTORS) for one in fields(Uncertainty)})
@@ -159,3 +170,86 @@ def test_a_missed_plan_is_a_change_of_its_landmarks() -> None:
     for curve, after in zip(curves, curves_after(curves, AFTER), strict=True):
         sd = bands[f"{curve.upper}-{curve.lower}"].sd
         assert sd == pytest.approx(0.1 * abs(curve.angle - there(after)), rel=0.2, abs=0.1)
+
+
+DRAWN = replace(CASE, uncertainty=Uncertainty(landmark_error=1.0, landmark_error_sd=0.5))
+NORMALS = vertex_normals(DRAWN.skin)
+RESPONSE = spline_response(DRAWN.landmarks_before.points, TRUNK.nodes)
+MOVES = np.random.default_rng(3).normal(size=(2, *DRAWN.landmarks_before.points.shape))
+
+
+def draws_of(draws: int, most: int) -> Draws:
+    random = np.random.default_rng(5)
+    errors = draw_landmarks(DRAWN, MOVES, random.standard_normal((draws, 2)), random)
+    return spline_draws(DRAWN, TRUNK, MOVES, errors, RESPONSE, NORMALS, most=most)
+
+
+def test_every_pattern_varies_by_one_and_by_itself() -> None:
+    shares = draws_of(20_000, 6).shares
+    np.testing.assert_allclose(shares.T @ shares / len(shares), np.eye(6), atol=0.04)
+
+
+def test_patterns_that_are_left_out_are_counted_where_the_spline_carries_the_skin() -> None:
+    few, every = draws_of(2, 3), draws_of(2, 1000)
+    assert len(few.bones) == 3
+    assert few.residual_variance.mean() > every.residual_variance.mean()
+    np.testing.assert_allclose(every.residual_variance[::SAMPLE], 0.0, atol=1e-6 * few.residual_variance.max())
+
+
+def test_one_error_alone_is_its_own_pattern() -> None:
+    """Where surgery alone is uncertain, by one move of the landmarks, bones follow the spline of that move."""
+    case = replace(DRAWN, uncertainty=Uncertainty(landmark_error=0.0, landmark_error_sd=0.0))
+    errors = draw_landmarks(case, MOVES[:1], np.array([[1.0], [-2.0]]), np.random.default_rng(1))
+    draws = spline_draws(case, TRUNK, MOVES[:1], errors, RESPONSE, NORMALS, most=4)
+    marks = case.landmarks_before
+    wanted = spline_path(TRUNK.nodes, marks, replace(marks, points=marks.points + MOVES[0])).at(1.0)
+    moved = np.tensordot(draws.shares, draws.bones, axes=(1, 0))
+    np.testing.assert_allclose(moved, [wanted, -2.0 * wanted], atol=1e-6)
+
+
+DEROTATED = SpineCurve(cobb=20.0, apical_rotation=1.0)
+"""Screws turn it further than goes with the curve."""
+NONE = np.empty((0, 3), dtype=np.int32)
+
+
+@cache
+def curved() -> tuple[Case, TrunkMesh]:
+    """A case with few nodes on its bones, and no tissue."""
+    skin, straight, landmarks = straight_trunk()
+    skin, bones, before = impose(skin, straight, landmarks, SpineCurve(cobb=40.0))
+    return Case("curved", skin, bones, before, correct(landmarks, DEROTATED, 0.0)), few_nodes(bones)
+
+
+def few_nodes(bones: Mapping[str, Surface]) -> TrunkMesh:
+    nodes = [bone.vertices[::40] for bone in bones.values()]
+    owner = np.repeat(np.arange(len(nodes)), [len(own) for own in nodes])
+    tets = np.empty((0, 4), dtype=np.int32)
+    return TrunkMesh(np.vstack(nodes), tets, NONE[:, 0], NONE, owner, tuple(bones), NONE)
+
+
+@cache
+def sources() -> dict[str, ErrorSource]:
+    return {source.name: source for source in rib_share_sources(*curved())}
+
+
+@pytest.mark.parametrize("share", sorted(RANGES.keys() - {"scapula"}))
+def test_a_source_is_half_of_what_its_share_does_over_its_range(share: str) -> None:
+    case, trunk = curved()
+    rib = "rib_right_02" if share == "upper" else "rib_right_08"
+    mine = trunk.bone == trunk.bone_names.index(rib)
+    low, high = (
+        motions_of(replace(case, rib_coupling=replace(RibCoupling(), **{share: end})))[rib].apply(
+            trunk.nodes[mine]
+        )
+        for end in RANGES[share]
+    )
+    moved = there(sources()[f"ribs: {share.replace('_', ' ')}"].bones)
+    np.testing.assert_allclose(moved[mine], (high - low) / 2.0, atol=1e-9)
+    assert np.abs(moved[mine]).max() > 0.05
+
+
+def test_vertebrae_and_pelvis_do_not_depend_on_the_shares() -> None:
+    _, trunk = curved()
+    still = [i for i, name in enumerate(trunk.bone_names) if not name.startswith(("rib", "sternum"))]
+    for source in sources().values():
+        assert np.abs(there(source.bones)[np.isin(trunk.bone, still)]).max() < 1e-9

@@ -1,9 +1,14 @@
-"""Findings of `doctor` on a complete machine and on one that lacks something, and the cure it names."""
+"""Findings of `doctor`, on a machine that lacks something and where a compiled kernel is cut off."""
 
+import os
+import struct
+import subprocess
+import sys
 import webbrowser
 from pathlib import Path
 
 import pytest
+from warp_trunk.kernels.starting import drop_damaged_kernels
 
 from warp_trunk.cli import main
 from warp_trunk.run import doctor
@@ -60,3 +65,30 @@ def test_command_ends_with_status_1_only_where_something_needed_is_missing(tmp_p
     lines = capsys.readouterr().out.splitlines()
     wrong = next(i for i, line in enumerate(lines) if line.startswith("MISSING"))
     assert lines[wrong + 1].strip().startswith("-> ")
+
+
+@pytest.mark.parametrize("keep", [0, 10, 64, 500, 1000])
+def test_compiled_modules_that_are_cut_off_are_removed(keep, tmp_path):
+    head = bytearray(64)
+    head[:4] = b"\x7fELF"
+    struct.pack_into("<Q", head, 40, 1000 - 2 * 64)  # where the table of sections stands
+    struct.pack_into("<HH", head, 58, 64, 2)
+    compiling = "wp_neo_hookean_float32_2_p123_t456"  # by another process
+    for place in ("wp_neo_hookean_float32_1/a.o", f"{compiling}/a.o", "other/a.o"):
+        (tmp_path / place).parent.mkdir()
+        (tmp_path / place).write_bytes(bytes(head).ljust(1000, b"\0")[:keep])
+    drop_damaged_kernels(tmp_path)
+    assert (tmp_path / "wp_neo_hookean_float32_1" / "a.o").exists() == (keep == 1000)
+    assert (tmp_path / compiling / "a.o").exists()
+    assert (tmp_path / "other" / "a.o").exists()
+
+
+@pytest.mark.slow
+def test_doctor_runs_a_kernel_that_was_cut_off(tmp_path):
+    command = [sys.executable, "-c", "from warp_trunk.cli import main; main(['doctor'])"]
+    environment = {**os.environ, "WARP_CACHE_PATH": str(tmp_path)}
+    for _ in range(2):
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, cwd=tmp_path)
+        assert "ok      kernels " in done.stdout, done.stderr
+        (compiled,) = tmp_path.rglob("wp_*/*.o")
+        os.truncate(compiled, 100)

@@ -1,19 +1,27 @@
-"""Planned surgeries: what is asked is met, measured here by formulas of this test's own."""
+"""Planned surgeries: targets are met by formulas of this test's own, by the least motion, and as films allow."""
 
 import math
+import re
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy import optimize
 
 from support.anatomy import anatomy_landmarks
+from support.known_spine import known_spine
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_surgery
+from warp_trunk.bone_motion.plan.least_motion import least_motion, limits_of, rim_gaps, segments
+from warp_trunk.bone_motion.plan.spine_chain import Placed, spine_chain_of
+from warp_trunk.bone_motion.plan.targets import targets_of
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import fit_rigid
+from warp_trunk.geometry.spline import fit_spline
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import cobb_angles
 from warp_trunk.preparation.deformity import SpineCurve, correct
@@ -211,3 +219,154 @@ def test_imposed_curve_is_corrected_as_it_was_imposed(of: str) -> None:
 def test_what_the_spine_does_not_have_is_refused(plan: Plan, rule: str) -> None:
     with pytest.raises(InputError, match=rule):
         plan_surgery(imposed(), plan)
+
+
+STANDING = {"T1": -5.0, "T5": 30.0, "T12": -30.0, "L4": 10.0, "L5": 10.0}
+"""A thoracic curve of 60 degrees to the right over a lumbar one of 40 to the left."""
+RIGHT = {"T1": -30.0, "T5": -5.0, "T12": -35.0, "L4": 13.0, "L5": 13.0}
+LEFT = {"T1": 45.0, "T5": 50.0, "T12": -4.0, "L4": 6.0, "L5": 6.0}
+"""Bent to the right the thoracic curve is 30 degrees, to the left the lumbar one is 10."""
+
+
+def case(left: dict[str, float] | None = LEFT, right: dict[str, float] | None = RIGHT) -> Case:
+    return Case(
+        "bends",
+        Surface(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32)),
+        {},
+        known_spine(to_left=STANDING),
+        bending_left=None if left is None else known_spine(to_left=left),
+        bending_right=None if right is None else known_spine(to_left=right),
+    )
+
+
+SELECTIVE = Plan(uiv="T4", liv="T12", curves=(CurvePlan(apex="T8", correction=0.8),))
+
+
+def test_share_that_bends_out() -> None:
+    flexibility = {curve.before.upper: curve.flexibility for curve in plan_surgery(case(), SELECTIVE).curves}
+    assert flexibility["T5"] == pytest.approx(0.5, abs=1e-6)
+    assert flexibility["T12"] == pytest.approx(0.75, abs=1e-6)
+
+
+def test_unfused_curve_corrects_by_what_bent_out() -> None:
+    """Unless the plan says another share."""
+    assert plan_surgery(case(), SELECTIVE).curves[-1].cobb_after == pytest.approx(10.0, abs=0.1)
+    said = Plan(uiv="T4", liv="T12", spontaneous=0.2, curves=SELECTIVE.curves)
+    assert plan_surgery(case(), said).curves[-1].cobb_after == pytest.approx(32.0, abs=0.1)
+
+
+def test_more_than_a_film_showed_is_told() -> None:
+    """60 degrees over T5 to T12 bent out to 30: 4.3 of 8.6 degrees a segment; a correction of 48 asks for 6.9."""
+    (text,) = plan_surgery(case(), SELECTIVE).warnings
+    assert "bends further than the films of side bending showed" in text
+    assert "T8-T9 by 2.6" in text
+    gentle = Plan(uiv="T4", liv="T12", curves=(CurvePlan(apex="T8", correction=0.4),))
+    assert plan_surgery(case(), gentle).warnings == ()
+
+
+def test_films_that_are_exchanged() -> None:
+    with pytest.raises(InputError, match="exchange the two files"):
+        plan_surgery(case(RIGHT, LEFT), SELECTIVE)
+
+
+SPINE = known_spine(
+    to_left={"T1": 0.0, "T5": 30.0, "T9": 0.0, "T12": -30.0, "L4": 0.0},
+    back={"T1": -20.0, "T5": -15.0, "T12": 15.0, "L1": 15.0, "L5": -15.0},
+    turned={"T4": 0.0, "T8": 18.0, "T12": 0.0},
+)
+CASE = Case("spine", Surface(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32)), {}, SPINE)
+
+
+def refusal(plan: Plan) -> str:
+    with pytest.raises(InputError) as caught:
+        plan_surgery(CASE, plan)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def nearest(text: str) -> float:
+    found = re.search(r"the nearest is (-?[\d.]+)", text)
+    assert found is not None, text
+    return float(found[1])
+
+
+@pytest.mark.slow
+def test_nearest_can_be_met() -> None:
+    """A fusion with nothing that follows cannot be straightened wholly and keep T1 where it is."""
+    plan = Plan(uiv="T5", liv="T12", unfused="fixed", curves=(CurvePlan(apex="T9", correction=1.0),))
+    text = refusal(plan)
+    assert "curve T9: Cobb angle after" in text
+    reached = nearest(text)
+    assert 0.0 < reached < 60.0
+    plan_surgery(CASE, replace(plan, curves=(CurvePlan(apex="T9", cobb_after=reached + 1.0),)))
+
+
+def test_target_of_segments_that_stay() -> None:
+    text = refusal(Plan(uiv="T4", liv="T12", unfused="fixed", lordosis_L1_L5=40.0))
+    assert "lordosis_L1_L5 40 degrees cannot be met" in text
+    assert nearest(text) == pytest.approx(30.0, abs=0.5)
+
+
+def test_height_of_a_disc_at_its_rim() -> None:
+    """Against the least height over points on both rims."""
+    chain = spine_chain_of(SPINE)
+    change = np.random.default_rng(3).normal(scale=6.0, size=chain.angles.shape)
+    placed = Placed(chain, change)
+    circle = np.linspace(0.0, 2.0 * np.pi, 20000)
+    for row, gap in enumerate(rim_gaps(placed)):
+        upper, lower, disc = placed.axes[row], placed.axes[row + 1], placed.discs[row]
+        least = []
+        for normal, across, sign in ((lower, upper, 1.0), (upper, lower, -1.0)):
+            side = np.cross(across, [1.0, 0.0, 0.0])
+            side /= np.linalg.norm(side)
+            rim = 12.0 * (np.outer(np.cos(circle), side) + np.outer(np.sin(circle), np.cross(across, side)))
+            least.append(float((sign * (sign * disc + rim) @ normal).min()))
+        assert gap == pytest.approx(min(least), abs=1e-6)
+
+
+def test_least_motion_is_that_of_sequential_quadratic_programming() -> None:
+    """The sum of s^2 / b over T4 to L4 under targets without a proportional part."""
+    chain = spine_chain_of(SPINE)
+    free = np.array([level in SPINE.vertebrae()[3:15] for level in chain.levels])
+    plan = Plan(uiv="T4", liv="L4", unfused="fixed", kyphosis_T5_T12=40.0, sva_after=5.0)
+    targets = targets_of(chain, plan, ())
+    mine = least_motion(limits_of(chain), targets, free)
+    still = chain.angles - chain.angles[-1] * [0.0, 1.0, 0.0]
+    bend = np.abs(segments(still)[free]) + 1.0
+    bend[:, 1] = 3.0
+
+    def change(s: np.ndarray) -> np.ndarray:
+        found = np.zeros_like(mine)
+        found[free] = s.reshape(-1, 3)
+        return np.cumsum(found[::-1], axis=0)[::-1]
+
+    def cost(s: np.ndarray) -> float:
+        return float((s**2 / bend.ravel()).sum() + (100.0 * change(s)[0, 2]) ** 2)
+
+    def off(s: np.ndarray) -> np.ndarray:
+        return np.array([target.off(Placed(chain, change(s))) for target in targets])
+
+    met = {"type": "eq", "fun": off}
+    theirs = optimize.minimize(
+        cost, np.zeros(bend.size), method="SLSQP", constraints=met, options={"maxiter": 500, "ftol": 1e-12}
+    )
+    assert np.abs(off(theirs.x)).max() < 1e-6
+    np.testing.assert_allclose(mine, change(theirs.x), atol=5e-3)
+    assert np.abs(mine).max() > 3.0
+
+
+PLAN = Plan(uiv="T4", liv="L1", curves=(CurvePlan(apex="T9", correction=0.6, derotation=0.4),))
+
+
+def test_other_landmarks_go_by_the_spline() -> None:
+    """Ribs and sternum have landmarks in some cases."""
+    extra = SPINE.points[:20:5] + np.array([60.0, -50.0, 4.0])
+    names = tuple(f"rib_left_0{i}_tip" for i in range(1, 5))
+    order = np.random.default_rng(0).permutation(len(SPINE.names) + 4)
+    both, points = (*SPINE.names, *names), np.vstack([SPINE.points, extra])
+    before = Landmarks(tuple(both[i] for i in order), points[order])
+    after = plan_surgery(replace(CASE, landmarks_before=before), PLAN).landmarks_after
+    spine = plan_surgery(CASE, PLAN).landmarks_after
+    expected = fit_spline(SPINE.points, spine.points)(extra)
+    np.testing.assert_allclose([after.point(name) for name in names], expected, atol=1e-8)
+    np.testing.assert_allclose([after.point(name) for name in SPINE.names], spine.points, atol=1e-12)

@@ -1,20 +1,24 @@
-"""Closing skins: of the phantom, and of real anatomy where it is present."""
+"""Closing skins of the phantom; the fit and the winding field against closed forms."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import Delaunay
 
 from support.asserting import refuses
 from support.partial_scans import scan
+from support.synthetic import box, sphere
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.distance_field import nearest
+from warp_trunk.geometry.distance_field import Grid, nearest
 from warp_trunk.geometry.surface import Surface, vertex_areas
 from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume
 from warp_trunk.preparation.phantom.phantom import straight_trunk
 from warp_trunk.preparation.scanning.closing import CloseOptions, close_skin
 from warp_trunk.preparation.scanning.cutting import CutPlane
+from warp_trunk.preparation.scanning.fitting import fit_to_points
 from warp_trunk.preparation.scanning.parts import align_parts, check_parts
+from warp_trunk.preparation.scanning.winding import sheet_samples, winding_field
 
 OPTIONS = CloseOptions(edge_length=12.0)
 PAPER = 1.4
@@ -143,3 +147,90 @@ def test_parts_without_overlap_cannot_be_refined(phantom):
     parts = scan(phantom, unseen=flat_ends(phantom), overlap=-8.0, fraction=0.0, noise=0.0).parts
     with pytest.raises(InputError, match="needs 50 to be refined"):
         align_parts(parts)
+
+
+def measured(radius, count=6000, noise=0.0, seed=0):
+    """Points on a sphere of a radius, and their areas along the normal."""
+    random = np.random.default_rng(seed)
+    unit = random.normal(size=(count, 3))
+    unit /= np.linalg.norm(unit, axis=1)[:, None]
+    areas = 4.0 * np.pi * radius**2 / count * unit
+    return (radius + noise * random.normal(size=(count, 1))) * unit, areas, unit
+
+
+def radii(surface):
+    return np.linalg.norm(surface.vertices, axis=1)
+
+
+def test_nearest_finds_the_corners_weights():
+    surface = Surface(np.array([[0.0, 0, 0], [10, 0, 0], [0, 10, 0]]), np.array([[0, 1, 2]], dtype=np.int32))
+    face, weights = nearest(surface, np.array([[2.0, 3.0, 4.0], [0.0, 0.0, 90.0]]), 20.0)
+    assert face.tolist() == [0, -1]
+    np.testing.assert_allclose(weights[0], [0.5, 0.2, 0.3], atol=1e-6)
+
+
+def test_a_wave_of_2_pi_smoothing_keeps_half_its_height():
+    """A thin plate over flat data: amplitude 1 / (1 + (2 pi smoothing / wavelength)^4)."""
+    x, y = np.meshgrid(2.0 * np.arange(60), np.sqrt(3.0) * np.arange(60), indexing="ij")
+    x = (x + np.arange(60) % 2).reshape(-1)
+    lattice = np.column_stack([x, y.reshape(-1)])
+    faces = Delaunay(lattice).simplices
+    vertices = np.column_stack([lattice, np.zeros(len(lattice))])
+    areas = np.tile([0.0, 0.0, 2.0 * np.sqrt(3.0)], (len(vertices), 1))
+    wavelength = 24.0
+    points = vertices.copy()
+    points[:, 2] = 0.2 * np.sin(2.0 * np.pi * x / wavelength)
+    start = Surface(vertices, faces.astype(np.int32))
+    fitted = fit_to_points(start, points, areas, wavelength / (2.0 * np.pi), 5.0)
+    middle = (np.abs(vertices[:, :2] - [60.0, 51.0]) < [24.0, 20.0]).all(axis=1)
+    wave = np.sin(2.0 * np.pi * x[middle] / wavelength)
+    assert (fitted.vertices[middle, 2] @ wave) / (wave @ wave) == pytest.approx(0.1, rel=0.05)
+
+
+def test_hole_goes_on_with_the_curvature_around_it():
+    points, areas, unit = measured(50.0)
+    seen = unit[:, 2] < 0.9  # a hole of 26 degrees half angle: a flat lid would lie 5 mm inside
+    start = sphere(50.0, subdivisions=4)
+    flat = start.vertices.copy()
+    flat[:, 2] = np.minimum(flat[:, 2], 45.0)
+    fitted = fit_to_points(Surface(flat, start.faces), points[seen], areas[seen], 4.0, 15.0)
+    assert np.abs(radii(fitted) - 50.0).max() < 1.0
+
+
+GRID = Grid(np.array([-80.0, -80.0, 1220.0]), 4.0, (41, 41, 41))
+CENTRE = (0.0, 0.0, 1300.0)
+
+
+def positions(grid):
+    nodes = np.stack(np.meshgrid(*(np.arange(n) for n in grid.shape), indexing="ij"), axis=-1)
+    return grid.positions(nodes) - np.array(CENTRE)
+
+
+def without_cap(surface, height):
+    """The sphere about CENTRE without the triangles above a height over its middle."""
+    top = surface.vertices[surface.faces][:, :, 2].min(axis=1) - CENTRE[2]
+    return Surface(surface.vertices, surface.faces[top < height])
+
+
+def test_samples_hold_area_and_are_no_farther_apart_than_asked_for():
+    whole = box((60.0, 40.0, 20.0))
+    points, areas = sheet_samples(whole, 5.0)
+    assert np.linalg.norm(areas, axis=1).sum() == np.float64(2 * (60 * 40 + 60 * 20 + 40 * 20))
+    np.testing.assert_allclose(areas.sum(axis=0), 0.0, atol=1e-9)
+    np.testing.assert_allclose(np.einsum("ni,ni->", points, areas) / 3.0, 60 * 40 * 20)  # divergence theorem
+    top = points[points[:, 2] > 9.99]
+    distance = np.linalg.norm(top[:, None] - top[None], axis=2) + 1e9 * np.eye(len(top))
+    assert distance.min(axis=1).max() < 5.0
+
+
+def test_open_sphere_is_seen_under_its_solid_angle():
+    """On the axis of a sphere without a cap the missing disc is seen under 2 pi (1 - cos half angle)."""
+    whole = sphere(50.0, CENTRE, 5)
+    points, areas = sheet_samples(without_cap(whole, 30.0), 4.0)
+    field = winding_field(points, areas, GRID)
+    z = positions(GRID)[20, 20, :, 2]
+    rim = 40.0
+    missing = 0.5 * (1.0 - np.abs(30.0 - z) / np.hypot(30.0 - z, rim)) * np.where(z < 30.0, 1.0, -1.0)
+    expected = np.where(z < 30.0, 1.0, 0.0) - missing
+    deep = z > -36.0
+    np.testing.assert_allclose(field[20, 20, deep], expected[deep], atol=0.02)
