@@ -47,9 +47,6 @@ from .topology import equal_parts
 
 MOST_DENSE = 4
 """Threads that add up the matrix on the coarsest grid at most: each needs one of its own, 30 MB on the anatomy."""
-FLAT = 10.0
-"""In float32 the trace of an inverse is at most this many times that of the matrix, which has a unit diagonal. The
-smallest eigenvalue is then at least a part of 10 n, so that rounding spoils a hundredth of its direction."""
 SHIFT, IDLE_SHIFT = 1e-6, 1e-3
 """Addition to a unit diagonal; and where a grid has vertices with next to no nodes, whose directions, 1e6
 times as soft as others, would leave 16 bits with no digits for the others."""
@@ -108,7 +105,7 @@ class Multigrid:
         self.reset_grids: Launch = model.parallel.copy(self._grids, wp.clone(self._grids))
         """Sets these blocks to those of the trunk at rest."""
         if grids is None:
-            inverse = invert(grid_matrix(matrix, onto_nodes[-1], sizes[-1]), model.precision)
+            inverse = invert(grid_matrix(matrix, onto_nodes[-1], sizes[-1]))
         else:
             inverse = grids.inverse
         self.grids = Grids(laid, to_nodes, inverse)
@@ -385,41 +382,57 @@ def grid_matrix(matrix: BlockMatrix, whole: _Interpolation, size: int) -> np.nda
     return total
 
 
-def invert(matrix: np.ndarray, precision: str = "float64") -> np.ndarray:
+def invert(matrix: np.ndarray) -> np.ndarray:
     """Inverse of a symmetric positive semidefinite matrix, (n, n) float64, its flat directions kept finite.
 
     It is scaled to a unit diagonal and shifted, so that a grid vertex that hardly reaches a node is harmless.
-    Numbers below the diagonal are not read. It is found in the precision that is asked for, unless that shows
-    directions so flat that float32 could not distinguish them from others; the anatomy has none of a twentieth
-    of the diagonal."""
+    Numbers below the diagonal are not read."""
     diagonal = np.diagonal(matrix)
     scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-300))
     scale[diagonal <= 1e-12 * diagonal.max(initial=0.0)] = 0.0
-    inverse, flat = _inverse_of_scaled(matrix, scale, precision, SHIFT)
-    if precision != "float64" and not (flat.min(initial=1.0) > 0.0 and flat.sum() <= FLAT * len(flat)):
-        inverse, flat = _inverse_of_scaled(matrix, scale, "float64", SHIFT)
-    if not flat.max(initial=0.0) <= 1.0 / IDLE_SHIFT:
-        inverse, _ = _inverse_of_scaled(matrix, scale, "float64", IDLE_SHIFT)
-    scale = scale.astype(inverse.dtype)
-    return (inverse * scale * scale[:, None]).astype(precision, copy=False)
+    scaled = matrix * scale
+    scaled *= scale[:, None]
+    for shift in (SHIFT, IDLE_SHIFT - SHIFT):
+        scaled[np.diag_indices(len(scaled))] += shift
+        inverse = invert_layers(scaled)
+        if np.diagonal(inverse)[scale > 0.0].max(initial=0.0) <= 1.0 / IDLE_SHIFT:
+            break
+    inverse *= scale
+    inverse *= scale[:, None]
+    return inverse
 
 
-def _inverse_of_scaled(
-    matrix: np.ndarray, scale: np.ndarray, precision: str, shift: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """The inverse of the matrix with rows and columns scaled, shifted, and its diagonal where there is a scale.
+def invert_layers(matrix: np.ndarray) -> np.ndarray:
+    """Inverse of a symmetric positive definite matrix, (n, n) float64, from what is on and above its diagonal.
 
-    Where rounding leaves none, the diagonal is infinite.
-    """
-    scaled = np.multiply(matrix, scale, out=np.empty(matrix.shape, precision), casting="same_kind")
-    scaled *= scale[:, None].astype(precision)
-    scaled[np.diag_indices(len(scaled))] += shift
-    try:  # NumPy's: with Cholesky factors, which take half the time, a random trunk in float32 got a false claim
-        inverse = np.triu(np.linalg.inv(np.triu(scaled) + np.triu(scaled, 1).T))
-    except np.linalg.LinAlgError:
-        return scaled, np.full(np.count_nonzero(scale), np.inf)
-    inverse += np.triu(inverse, 1).T
-    return inverse, np.diagonal(inverse)[scale > 0.0]
+    Where layers of a grid follow each other it is a block tridiagonal matrix: layers are eliminated one after the
+    other, and the inverse is filled in from the last one back (Meurant 1992). On the anatomy that takes an eighth
+    of the time of NumPy's inverse. A matrix without zeros is one layer."""
+    size = len(matrix)
+    last = np.maximum.accumulate(size - 1 - (matrix[:, ::-1] != 0.0).argmax(axis=1))  # column that a row reaches
+    bounds = [0]
+    while bounds[-1] < size:
+        bounds.append(int(last[bounds[-1]]) + 1)
+    layers = [slice(first, end) for first, end in pairwise(bounds)]
+    inverse = np.zeros_like(matrix)
+    carried = []
+    pivot = _mirrored(matrix[layers[0], layers[0]])
+    for layer, following in pairwise(layers):
+        inverse[layer, layer] = np.linalg.inv(pivot)
+        across = matrix[layer, following]
+        carried.append(inverse[layer, layer] @ across)
+        pivot = _mirrored(matrix[following, following]) - across.T @ carried[-1]
+    inverse[layers[-1], layers[-1]] = np.linalg.inv(pivot)
+    for layer, following, across in zip(layers[-2::-1], layers[:0:-1], carried[::-1], strict=True):
+        beyond = slice(layer.stop, size)
+        inverse[layer, beyond] = -across @ inverse[following, beyond]
+        inverse[layer, layer] -= inverse[layer, following] @ across.T
+    return _mirrored(inverse)
+
+
+def _mirrored(matrix: np.ndarray) -> np.ndarray:
+    """The symmetric matrix with the same numbers on and above its diagonal."""
+    return np.triu(matrix) + np.triu(matrix, 1).T
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ from warp_trunk.kernels.multigrid import KEPT, STRIP, WHOLE
 
 from support.meshes import block
 from support.models import model_of
-from warp_trunk.engine.multigrid import CpuLevels, in_half_precision, invert
+from warp_trunk.engine.multigrid import CpuLevels, in_half_precision, invert, invert_layers
 from warp_trunk.engine.rest_mesh import PRECISIONS
 
 
@@ -41,19 +41,29 @@ def test_a_vertex_that_reaches_no_node_stays() -> None:
     np.testing.assert_allclose(product, np.eye(len(others)), atol=1e-4)
 
 
-@pytest.mark.parametrize("softest", [1.0, 1e-3, 1e-7])
-def test_float32_is_enough_or_left(softest: float) -> None:
-    """A direction so soft that float32 does not resolve it: the inverse stays definite."""
+@pytest.mark.parametrize("layers", [(40,), (1, 30, 2, 50, 9), (16, 16, 16, 16), (33, 1)])
+def test_layers_that_follow_each_other(layers: tuple[int, ...]) -> None:
+    """Of different size, each coupled with the next one alone."""
+    matrix = definite(sum(layers))
+    layer = np.repeat(np.arange(len(layers)), layers)
+    matrix[np.abs(layer - layer[:, None]) > 1] = 0.0
+    matrix += np.diag(np.abs(matrix).sum(axis=1))
+    found, wanted = invert_layers(np.triu(matrix)), np.linalg.inv(matrix)
+    np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-12 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize(("softest", "shift"), [(1.0, 1e-6), (1e-3, 1e-6), (1e-7, 1e-3)])
+def test_a_soft_direction_is_kept_finite(softest: float, shift: float) -> None:
+    """By a shift that leaves the inverse positive."""
     size = 320
     matrix = definite(size)
     soft = np.random.default_rng(4).normal(size=size)
     across = np.eye(size) - np.outer(soft, soft) / (soft @ soft)
     matrix = across @ matrix @ across + softest * np.outer(soft, soft)
-    found = invert(matrix, "float32")
-    assert found.dtype == np.float32
-    wanted = invert(matrix)
-    assert np.linalg.norm(found - wanted, 2) < 0.02 * np.linalg.norm(wanted, 2)
-    assert np.linalg.eigvalsh(found.astype(float)).min() > 0.0
+    shifted = matrix + shift * np.diag(np.diagonal(matrix))
+    found, wanted = invert(matrix), np.linalg.inv(shifted)
+    assert np.linalg.norm(found - wanted, 2) < 1e-6 * np.linalg.norm(wanted, 2)
+    assert np.linalg.eigvalsh(found).min() > 0.0
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
