@@ -12,8 +12,8 @@ from types import SimpleNamespace
 import warp as wp
 
 from .conjugate_gradient import find_alpha
+from .native import KEEP_PRODUCT, four_types, native_kernel
 from .node_groups import MEMBERS
-from .sparse import four_types
 from .vectors import lane_reducer, sum_reducer
 
 vec8i = wp.types.vector(8, wp.int32)
@@ -174,7 +174,6 @@ PROLONG = """
         y[3 * i + 2] = z[2];
         product += r[0] * z[0] + r[1] * z[1] + r[2] * z[2];
     }
-    return product;
 """
 
 STRIP = 16
@@ -207,48 +206,13 @@ DENSE = """
 
 @cache
 def cpu_grid_kernels(scalar: type) -> SimpleNamespace:
-    """The kernels `restrict`, `prolong` and `dense` of one grid on the CPU, with one item for each range."""
-    add = sum_reducer(False)
+    """The kernels `restrict`, `prolong` and `dense` of one grid on the CPU."""
     vec3, vec8 = wp.types.vector(3, scalar), wp.types.vector(8, scalar)
     mat33 = wp.types.matrix((3, 3), scalar)
     types, module = four_types(scalar), f"cpu_grids_{scalar.__name__}"
 
-    @wp.func_native(types + RESTRICT)
-    def restrict_rows(
-        first: int,
-        end: int,
-        row_start: wp.array(dtype=wp.int32),
-        point: wp.array(dtype=wp.int32),
-        weight: wp.array(dtype=scalar),
-        residual: wp.array(dtype=vec3),
-        coarse_residual: wp.array(dtype=vec3),
-    ): ...
-
-    @wp.func_native(types + PROLONG)
-    def prolong_rows(
-        first: int,
-        end: int,
-        inverse_diagonal: wp.array(dtype=mat33),
-        vertex: wp.array(dtype=vec8i),
-        weight: wp.array(dtype=vec8),
-        coarse: wp.array(dtype=vec3),
-        residual: wp.array(dtype=vec3),
-        correction: wp.array(dtype=vec3),
-    ) -> wp.float64: ...
-
-    @wp.func_native(types + DENSE)
-    def dense_rows(
-        first: int,
-        end: int,
-        size: int,
-        inverse: wp.array(dtype=wp.int16),
-        scale: wp.array(dtype=scalar),
-        residual: wp.array(dtype=scalar),
-        solution: wp.array(dtype=scalar),
-    ): ...
-
-    @wp.kernel(module=module, enable_backward=False)
-    def restrict_kernel(
+    @native_kernel(module, types + RESTRICT)
+    def restrict(
         first: int,
         end: int,
         slab: int,
@@ -259,10 +223,9 @@ def cpu_grid_kernels(scalar: type) -> SimpleNamespace:
         coarse_residual: wp.array(dtype=vec3),
     ):
         """P^T r: every grid vertex gathers the residual of the points it reaches."""
-        restrict_rows(first, end, row_start, point, weight, residual, coarse_residual)
 
-    @wp.kernel(module=module, enable_backward=False)
-    def prolong_kernel(
+    @native_kernel(module, types + PROLONG + KEEP_PRODUCT)
+    def prolong(
         first: int,
         end: int,
         slab: int,
@@ -276,11 +239,9 @@ def cpu_grid_kernels(scalar: type) -> SimpleNamespace:
         products: wp.array(dtype=wp.float64, ndim=2),
     ):
         """z = D^-1 r + P z_coarse, and this range's part of r . z, kept by iteration; `coarse` has one more."""
-        value = prolong_rows(first, end, inverse_diagonal, vertex, weight, coarse, residual, correction)
-        add(products, iteration[0], 8 * slab, value)
 
-    @wp.kernel(module=module, enable_backward=False)
-    def dense_kernel(
+    @native_kernel(module, types + DENSE)
+    def dense(
         first: int,
         end: int,
         slab: int,
@@ -291,9 +252,8 @@ def cpu_grid_kernels(scalar: type) -> SimpleNamespace:
         solution: wp.array(dtype=scalar),
     ):
         """S A S r of strips, A in parts of `WHOLE`: of each strip column after column."""
-        dense_rows(first, end, size, inverse, scale, residual, solution)
 
-    return SimpleNamespace(restrict=restrict_kernel, prolong=prolong_kernel, dense=dense_kernel)
+    return SimpleNamespace(restrict=restrict, prolong=prolong, dense=dense)
 
 
 BLOCK_LANES = 256

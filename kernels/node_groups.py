@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from .vectors import sum_reducer
+from .native import KEEP_PRODUCT, native_kernel
 
 MEMBERS = 8
 """Most nodes of a group."""
@@ -21,7 +21,7 @@ FLOOR = 1e-4
 """The least pivot of a block, in parts of its diagonal: rounding of float32 leaves no less of tied nodes."""
 
 GROUP = """
-    const int own = first.data[group], count = first.data[group + 1] - own, size = 3 * count;
+    const int own = first_of.data[group], count = first_of.data[group + 1] - own, size = 3 * count;
     const int at = start.data[group];
 """
 
@@ -42,6 +42,8 @@ ENTRY = f"""
 """
 
 INVERT_ON_CUDA = f"""
+    if (first >= end) return;
+    const int group = first / {WARP}, lane = first % {WARP};
     {ENTRY}
     real column[{ROWS}], diagonal = real(1);
     #pragma unroll
@@ -67,7 +69,7 @@ INVERT_ON_CUDA = f"""
 """
 
 INVERT_ON_CPU = f"""
-    for (int group = begin; group < end; ++group) {{
+    for (int group = first; group < end; ++group) {{
         {ENTRY}
         real a[{ROWS}][{ROWS}], diagonal[{ROWS}];
         for (int i = 0; i < size; ++i) {{
@@ -92,7 +94,7 @@ INVERT_ON_CPU = f"""
 
 APPLY_ON_CPU = f"""
     double product = 0.0;
-    for (int group = begin; group < end; ++group) {{
+    for (int group = first; group < end; ++group) {{
         {GROUP}
         const real* row = inverse.data + at;
         real x[{ROWS}];
@@ -104,62 +106,22 @@ APPLY_ON_CPU = f"""
             product += x[i] * sum;
         }}
     }}
-    return product;
 """
 
 
 @cache
 def node_group_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
-    """The kernels `invert` and `apply` in one precision; `invert` has WARP items a group on CUDA."""
-    add = sum_reducer(False)
+    """The kernels `invert` and, on the CPU, `apply` in one precision; `invert` has WARP items a group on CUDA."""
     vec3, mat33 = wp.types.vector(3, scalar), wp.types.matrix((3, 3), scalar)
     module = f"node_groups_{scalar.__name__}_{'cuda' if cuda else 'cpu'}"
     real = f"typedef {'float' if scalar is wp.float32 else 'double'} real;\n"
 
-    @wp.func_native(real + INVERT_ON_CUDA)
-    def invert_by_warp(
-        group: wp.int32,
-        lane: wp.int32,
-        first: wp.array(dtype=wp.int32),
-        start: wp.array(dtype=wp.int32),
-        nodes: wp.array(dtype=wp.int32),
-        block_of: wp.array(dtype=wp.int32),
-        blocks: wp.array(dtype=mat33),
-        inverse_diagonal: wp.array(dtype=mat33),
-        inverse: wp.array(dtype=scalar),
-    ): ...
-
-    @wp.func_native(real + INVERT_ON_CPU)
-    def invert_range(
-        begin: wp.int32,
-        end: wp.int32,
-        first: wp.array(dtype=wp.int32),
-        start: wp.array(dtype=wp.int32),
-        nodes: wp.array(dtype=wp.int32),
-        block_of: wp.array(dtype=wp.int32),
-        blocks: wp.array(dtype=mat33),
-        inverse_diagonal: wp.array(dtype=mat33),
-        inverse: wp.array(dtype=scalar),
-    ): ...
-
-    @wp.func_native(real + APPLY_ON_CPU)
-    def apply_range(
-        begin: wp.int32,
-        end: wp.int32,
-        first: wp.array(dtype=wp.int32),
-        start: wp.array(dtype=wp.int32),
-        nodes: wp.array(dtype=wp.int32),
-        inverse: wp.array(dtype=scalar),
-        residual: wp.array(dtype=vec3),
-        correction: wp.array(dtype=vec3),
-    ) -> wp.float64: ...
-
-    @wp.kernel(module=module, enable_backward=False)
-    def invert_kernel(
-        begin: int,
+    @native_kernel(module, real + (INVERT_ON_CUDA if cuda else INVERT_ON_CPU))
+    def invert(
+        first: int,
         end: int,
         slab: int,
-        first: wp.array(dtype=wp.int32),
+        first_of: wp.array(dtype=wp.int32),
         start: wp.array(dtype=wp.int32),
         nodes: wp.array(dtype=wp.int32),
         block_of: wp.array(dtype=wp.int32),
@@ -168,21 +130,13 @@ def node_group_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         inverse: wp.array(dtype=scalar),
     ):
         """The inverse of each group's block, less the inverses of its nodes' own blocks."""
-        if wp.static(cuda):
-            item = begin + wp.tid()
-            if item < end:
-                invert_by_warp(
-                    item // WARP, item % WARP, first, start, nodes, block_of, blocks, inverse_diagonal, inverse
-                )
-        else:
-            invert_range(begin, end, first, start, nodes, block_of, blocks, inverse_diagonal, inverse)
 
-    @wp.kernel(module=module, enable_backward=False)
-    def apply_kernel(
-        begin: int,
+    @native_kernel(module, real + APPLY_ON_CPU + KEEP_PRODUCT)
+    def apply(
+        first: int,
         end: int,
         slab: int,
-        first: wp.array(dtype=wp.int32),
+        first_of: wp.array(dtype=wp.int32),
         start: wp.array(dtype=wp.int32),
         nodes: wp.array(dtype=wp.int32),
         inverse: wp.array(dtype=scalar),
@@ -192,7 +146,5 @@ def node_group_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         products: wp.array(dtype=wp.float64, ndim=2),
     ):
         """Adds that matrix times the residual to the correction of the groups' nodes, and to r . z, on the CPU."""
-        value = apply_range(begin, end, first, start, nodes, inverse, residual, correction)
-        add(products, iteration[0], 8 * slab, value)
 
-    return SimpleNamespace(invert=invert_kernel, apply=apply_kernel)
+    return SimpleNamespace(invert=invert, apply=apply)

@@ -10,21 +10,13 @@ from types import SimpleNamespace
 import warp as wp
 
 from .conjugate_gradient import find_beta
+from .native import KEEP_PRODUCT, four_types, native_kernel
 from .vectors import lane_reducer, sum_reducer
 
 PLANES = 9
 """Numbers of a block."""
 LANES = 4
 """CUDA threads that share a row; three write a component each."""
-
-FOUR_TYPES = """
-    typedef REAL real;
-    typedef real four __attribute__((vector_size(4 * sizeof(real))));
-    typedef real loose __attribute__((vector_size(4 * sizeof(real)), aligned(sizeof(real))));
-    const auto three = [](const real* x) { return four{x[0], x[1], x[2], 0}; };
-"""
-"""`three` reads a vector of three numbers as four, which become vector instructions; `loose` reads the number
-after it, too, which is not used."""
 
 MULTIPLY = """
     const wp::int32* __restrict__ column = columns.data;
@@ -59,13 +51,7 @@ MULTIPLY = """
         y[3 * i + 2] = sum[2] + (c[0] + c[1] + c[2]);
         product += own[0] * y[3 * i] + own[1] * y[3 * i + 1] + own[2] * y[3 * i + 2];
     }
-    return product;
 """
-
-
-def four_types(scalar: type) -> str:
-    """The C++ types of the row loops in one precision."""
-    return FOUR_TYPES.replace("REAL", "float" if scalar is wp.float32 else "double")
 
 
 @cache
@@ -95,25 +81,12 @@ def diagonal_inverter(scalar: type) -> wp.Kernel:
 
 @cache
 def cpu_product_kernel(scalar: type) -> wp.Kernel:
-    """The kernel of q = A p on the CPU, in one precision; a launch has one item for each range."""
-    add = sum_reducer(False)
+    """The kernel of q = A p on the CPU, in one precision."""
     vec3, vec4 = wp.types.vector(3, scalar), wp.types.vector(4, scalar)
     mat33 = wp.types.matrix((3, 3), scalar)
 
-    @wp.func_native(four_types(scalar) + MULTIPLY)
-    def multiply_rows(
-        first: int,
-        end: int,
-        row_start: wp.array(dtype=wp.int32),
-        columns: wp.array(dtype=wp.int32),
-        blocks: wp.array(dtype=mat33),
-        p: wp.array(dtype=vec3),
-        q: wp.array(dtype=vec3),
-        carried: wp.array(dtype=vec4),
-    ) -> wp.float64: ...
-
-    @wp.kernel(module=f"cpu_product_{scalar.__name__}", enable_backward=False)
-    def multiply_kernel(
+    @native_kernel(f"cpu_product_{scalar.__name__}", four_types(scalar) + MULTIPLY + KEEP_PRODUCT)
+    def multiply(
         first: int,
         end: int,
         slab: int,
@@ -123,7 +96,7 @@ def cpu_product_kernel(scalar: type) -> wp.Kernel:
         iteration: wp.array(dtype=wp.int32),
         p: wp.array(dtype=vec3),
         q: wp.array(dtype=vec3),
-        p_dot_q: wp.array(dtype=wp.float64, ndim=2),
+        products: wp.array(dtype=wp.float64, ndim=2),
         carried: wp.array(dtype=vec4),
     ):
         """q = A p, and the part of p . q that this range holds, kept by iteration.
@@ -131,10 +104,8 @@ def cpu_product_kernel(scalar: type) -> wp.Kernel:
         A block right of the diagonal, whose column is of the same range, stands for its mirror image, too.
         `carried` is zero before and after, shape (rows,), and the blocks have one to spare.
         """
-        value = multiply_rows(first, end, row_start, columns, blocks, p, q, carried)
-        add(p_dot_q, iteration[0], 8 * slab, value)
 
-    return multiply_kernel
+    return multiply
 
 
 @cache

@@ -6,6 +6,8 @@ code, so that no signal handler, interpreter lock or other thread of Python come
 
 import warp as wp
 
+from .native import native_kernel
+
 LINE = 8
 """Numbers of 64 bits in a cache line: two threads that write to the same line wait for each other."""
 BOARD_SIZE = 6 * LINE
@@ -93,48 +95,26 @@ SERVE = """
 """
 
 
-@wp.func_native(BOARD + CALL)
-def call_team(
-    board: wp.array(dtype=wp.int64), threads: wp.int32, system_call: wp.uint64, program: wp.uint64, steps: wp.int64
-): ...
-
-
-@wp.func_native(BOARD + SERVE)
-def serve(board: wp.array(dtype=wp.int64), threads: wp.int32, system_call: wp.uint64, range: wp.int32): ...
-
-
-@wp.kernel(module="team", enable_backward=False)
+@native_kernel("team", BOARD + CALL)
 def call_kernel(
-    board: wp.array(dtype=wp.int64), threads: wp.int32, system_call: wp.uint64, program: wp.uint64, steps: wp.int64
+    range: int,
+    board: wp.array(dtype=wp.int64),
+    threads: wp.int32,
+    system_call: wp.uint64,
+    program: wp.uint64,
+    steps: wp.int64,
 ):
     """Has a team run a program, this thread range 0 of it; less than no steps end the team."""
-    call_team(board, threads, system_call, program, steps)
 
 
-@wp.kernel(module="team", enable_backward=False)
-def serve_kernel(board: wp.array(dtype=wp.int64), threads: wp.int32, system_call: wp.uint64, range: wp.int32):
+@native_kernel("team", BOARD + SERVE)
+def serve_kernel(range: int, board: wp.array(dtype=wp.int64), threads: wp.int32, system_call: wp.uint64):
     """Runs a range of every program until the team ends."""
-    serve(board, threads, system_call, range)
 
 
-@wp.func_native("for (long i = first; i < end; ++i) values.data[i] = 0;")
-def clear_range(values: wp.array(dtype=wp.uint8), first: wp.int32, end: wp.int32): ...
-
-
-@wp.func_native("for (long i = first; i < end; ++i) to.data[i] = source.data[i];")
-def copy_range(to: wp.array(dtype=wp.uint8), source: wp.array(dtype=wp.uint8), first: wp.int32, end: wp.int32): ...
-
-
-@wp.kernel(module="team", enable_backward=False)
+@native_kernel("team", "for (long i = first; i < end; ++i) values.data[i] = 0;")
 def clear_kernel(first: int, end: int, slab: int, values: wp.array(dtype=wp.uint8)):
-    """Sets bytes to zero; a loop over the range."""
-    clear_range(values, first, end)
-
-
-@wp.kernel(module="team", enable_backward=False)
-def copy_kernel(first: int, end: int, slab: int, source: wp.array(dtype=wp.uint8), to: wp.array(dtype=wp.uint8)):
-    """Copies bytes; a loop over the range."""
-    copy_range(to, source, first, end)
+    """Sets bytes to zero."""
 
 
 @wp.kernel(enable_backward=False)

@@ -25,6 +25,7 @@ from .assembly import (
     vec10i,
     with_corner_0,
 )
+from .native import native_kernel
 from .simd_codegen import LANES, TYPES, Number, Numbers, emit, vectorized
 from .vectors import sums_reducer
 
@@ -370,8 +371,8 @@ def gradient_loop(formulas: TetFormulas) -> wp.Kernel:
     elements_type = formulas.elements
     vec3 = wp.types.vector(3, formulas.scalar)
 
-    @wp.func_native(gradient_code(formulas))
-    def add_tets(
+    @native_kernel(f"{formulas.name}_loops", gradient_code(formulas))
+    def gradient(
         first: int,
         end: int,
         slab: int,
@@ -384,22 +385,7 @@ def gradient_loop(formulas: TetFormulas) -> wp.Kernel:
         sums: wp.array(dtype=wp.float64, ndim=2),
     ): ...
 
-    @wp.kernel(module=f"{formulas.name}_loops", enable_backward=False)
-    def gradient_loop_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        tets: wp.array(dtype=wp.vec4i),
-        elements: elements_type,
-        inverted_before: wp.array(dtype=wp.int8),
-        displacement: wp.array(dtype=vec3),
-        gradient: wp.array(dtype=vec3, ndim=2),
-        inverted: wp.array(dtype=wp.int8),
-        sums: wp.array(dtype=wp.float64, ndim=2),
-    ):
-        add_tets(first, end, slab, tets, elements, inverted_before, displacement, gradient, inverted, sums)
-
-    return gradient_loop_kernel
+    return gradient
 
 
 def hessian_loop(formulas: TetFormulas, *, positive: bool) -> wp.Kernel:
@@ -407,8 +393,8 @@ def hessian_loop(formulas: TetFormulas, *, positive: bool) -> wp.Kernel:
     elements_type = formulas.elements
     vec3, mat33 = wp.types.vector(3, formulas.scalar), wp.types.matrix((3, 3), formulas.scalar)
 
-    @wp.func_native(hessian_code(formulas, positive=positive))
-    def add_tets(
+    @native_kernel(f"{formulas.name}_loops", hessian_code(formulas, positive=positive))
+    def hessian(
         first: int,
         end: int,
         slab: int,
@@ -419,17 +405,4 @@ def hessian_loop(formulas: TetFormulas, *, positive: bool) -> wp.Kernel:
         blocks: wp.array(dtype=mat33),
     ): ...
 
-    @wp.kernel(module=f"{formulas.name}_loops", enable_backward=False)
-    def hessian_loop_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        tets: wp.array(dtype=wp.vec4i),
-        elements: elements_type,
-        place_of: wp.array(dtype=vec10i),
-        displacement: wp.array(dtype=vec3),
-        blocks: wp.array(dtype=mat33),
-    ):
-        add_tets(first, end, slab, tets, elements, place_of, displacement, blocks)
-
-    return hessian_loop_kernel
+    return hessian

@@ -11,6 +11,8 @@ from typing import Any
 
 import warp as wp
 
+from .native import native_kernel
+
 
 @cache
 def sum_reducer(cuda: bool) -> Any:
@@ -113,23 +115,20 @@ def slab_gatherer(scalar: type) -> wp.Kernel:
     Slab after slab, which are vector instructions: number after number took three times as long with 16 of them.
     """
 
-    @wp.func_native("""
+    @native_kernel(
+        f"slabs_{scalar.__name__}",
+        """
     auto* __restrict__ total = values.data;
-    for (int slab = 1; slab < slabs; ++slab) {
-        const auto* __restrict__ part = values.data + (long)slab * size;
+    for (int number = 1; number < slabs; ++number) {
+        const auto* __restrict__ part = values.data + (long)number * size;
         for (int k = first; k < end; ++k) total[k] += part[k];
     }
-    """)
-    def add_slabs(
-        first: wp.int32, end: wp.int32, slabs: wp.int32, size: wp.int32, values: wp.array(dtype=scalar)
-    ): ...
-
-    @wp.kernel(module=f"slabs_{scalar.__name__}", enable_backward=False)
-    def gather_kernel(first: int, end: int, slab: int, slabs: int, size: int, values: wp.array(dtype=scalar)):
+    """,
+    )
+    def gather(first: int, end: int, slab: int, slabs: int, size: int, values: wp.array(dtype=scalar)):
         """Adds all slabs, `size` numbers each, into the first one."""
-        add_slabs(first, end, slabs, size, values)
 
-    return gather_kernel
+    return gather
 
 
 SLOPE, PREVIOUS_SLOPE, DIRECTION_SQUARED = range(3)

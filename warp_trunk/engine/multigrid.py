@@ -14,7 +14,7 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any
 
@@ -102,7 +102,7 @@ class Multigrid:
         """The same for the diagonal blocks of all grids but the coarsest, until `reset_grids`."""
         self.update()
         self.update_grids()
-        self.reset_grids: Launch = model.parallel.copy(self._grids, wp.clone(self._grids))
+        self.reset_grids: Launch = partial(wp.copy, self._grids, wp.clone(self._grids))
         """Sets these blocks to those of the trunk at rest."""
         if grids is None:
             inverse = invert(grid_matrix(matrix, onto_nodes[-1], sizes[-1]))

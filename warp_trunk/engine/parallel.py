@@ -31,7 +31,6 @@ from warp_trunk.kernels.synchronization import (
     BOARD_SIZE,
     call_kernel,
     clear_kernel,
-    copy_kernel,
     copy_to_host_kernel,
     serve_kernel,
 )
@@ -207,13 +206,6 @@ class Parallel:
             return array.zero_
         return self.record(clear_kernel, array.size * _size_of(array), [], [_bytes(array)], loops=True)
 
-    def copy(self, to: wp.array, source: wp.array) -> Launch:
-        """A launch that copies an array to one of its shape; on the CPU all threads do."""
-        if self.is_cuda:
-            return partial(wp.copy, to, source)
-        given = [_bytes(source)]
-        return self.record(copy_kernel, source.size * _size_of(source), given, [_bytes(to)], loops=True)
-
     def gather(self, slabs: wp.array, scalar: Any) -> Launch:
         """A launch that adds up the slabs of an accumulator, shape (ranges, ...), into the first one."""
         if self.ranges == 1:
@@ -347,7 +339,7 @@ class _Team:
 
     def _caller(self, threads: int, table: int, steps: int, held: Any) -> Launch:
         """A launch of `call_kernel`."""
-        call = _Call(self._command(call_kernel, [threads, _system_call(), table, steps]))
+        call = _Call(self._command(call_kernel, 0, [threads, _system_call(), table, steps]))
 
         def launch(held: Any = held) -> None:
             if threads == 1:
@@ -359,10 +351,10 @@ class _Team:
 
         return launch
 
-    def _command(self, kernel: Any, arguments: Sequence[Any]) -> Any:
+    def _command(self, kernel: Any, range: int, arguments: Sequence[Any]) -> Any:
         if self._board is None:
             self._board = wp.zeros(BOARD_SIZE, dtype=wp.int64, device="cpu")
-        return wp.launch(kernel, dim=1, inputs=[self._board, *arguments], device="cpu", record_cmd=True)
+        return wp.launch(kernel, dim=1, inputs=[range, self._board, *arguments], device="cpu", record_cmd=True)
 
     def _start(self) -> None:
         """Starts the threads, once; InputError in a process that was forked from theirs."""
@@ -375,12 +367,12 @@ class _Team:
             )
         self._process = os.getpid()
         calls = [
-            _Call(self._command(serve_kernel, [self.ranges, _system_call(), r])) for r in range(1, self.ranges)
+            _Call(self._command(serve_kernel, r, [self.ranges, _system_call()])) for r in range(1, self.ranges)
         ]
         threads = [threading.Thread(target=call, daemon=True) for call in calls]
         for thread in threads:
             thread.start()
-        end = _Call(self._command(call_kernel, [self.ranges, _system_call(), 0, -1]))
+        end = _Call(self._command(call_kernel, 0, [self.ranges, _system_call(), 0, -1]))
         weakref.finalize(self, _end, self._process, end, threads)
 
 

@@ -1,0 +1,43 @@
+"""Kernels that are written in C++, mostly loops of the CPU over a range: a Warp item reads all arguments again."""
+
+from collections.abc import Callable
+from types import FunctionType
+from typing import Any
+
+import warp as wp
+
+FOUR_TYPES = """
+    typedef REAL real;
+    typedef real four __attribute__((vector_size(4 * sizeof(real))));
+    typedef real loose __attribute__((vector_size(4 * sizeof(real)), aligned(sizeof(real))));
+    const auto three = [](const real* x) { return four{x[0], x[1], x[2], 0}; };
+"""
+"""`three` reads a vector of three numbers as four, which become vector instructions; `loose` reads the number
+after it, too, which is not used."""
+KEEP_PRODUCT = "products.data[(long)products.shape[1] * iteration.data[0] + 8 * slab] += product;"
+"""Adds a range's part of a scalar product to the row of the iteration."""
+
+
+def four_types(scalar: type) -> str:
+    """The C++ types of the loops over vectors in one precision."""
+    return FOUR_TYPES.replace("REAL", "float" if scalar is wp.float32 else "double")
+
+
+def native_kernel(module: str, code: str) -> Callable[[Any], wp.Kernel]:
+    """Makes a kernel of a stub, which names the arguments that the C++ code reads.
+
+    On the CPU a range is one item, which `first` begins; on CUDA `first` is the item.
+    """
+
+    def decorate(stub: Any) -> wp.Kernel:
+        first, *others = stub.__annotations__
+        rest = ", ".join(others)
+        kernel = FunctionType(
+            stub.__code__, {**stub.__globals__, "run": wp.func_native(code)(stub)}, stub.__name__
+        )
+        kernel.__annotations__, kernel.__module__ = stub.__annotations__, stub.__module__
+        kernel.__qualname__ = f"{stub.__qualname__}_kernel"
+        body = f"def kernel({first}, {rest}):\n    run({first} + wp.tid(), {rest})"
+        return wp.Kernel(kernel, module=wp.get_module(module), options={"enable_backward": False}, source=body)
+
+    return decorate
