@@ -104,10 +104,7 @@ class Multigrid:
         self.update_grids()
         self.reset_grids: Launch = partial(wp.copy, self._grids, wp.clone(self._grids))
         """Sets these blocks to those of the trunk at rest."""
-        if grids is None:
-            inverse = invert(grid_matrix(matrix, onto_nodes[-1], sizes[-1]))
-        else:
-            inverse = grids.inverse
+        inverse = grids.inverse if grids else invert(grid_matrix(matrix, onto_nodes[-1], sizes[-1]))
         self.grids = Grids(laid, to_nodes, inverse)
         if model.parallel.is_cuda:
             self._levels = CudaLevels(model, to_nodes, self._grids, inverse, self._groups)
