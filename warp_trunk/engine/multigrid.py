@@ -12,9 +12,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -27,7 +26,6 @@ from warp_trunk.kernels.multigrid import (
     FEW_LANES,
     KEPT,
     NODE_LANES,
-    OCTET,
     ROW_LANES,
     STRIP,
     VERTEX_LANES,
@@ -37,31 +35,18 @@ from warp_trunk.kernels.multigrid import (
     grid_matrix_kernels,
     vec8i,
 )
-from warp_trunk.kernels.node_groups import MEMBERS, WARP, node_group_kernels
 from warp_trunk.kernels.sparse import diagonal_inverter
 
+from .dense_inverse import in_half_precision, invert
+from .grids import Grids, Interpolation, lay_grids
 from .linear import BlockMatrix, Dots, Iterates
 from .model import Model
+from .node_groups import NodeGroups
 from .parallel import Launch, in_sequence, view
 from .topology import equal_parts
 
 MOST_DENSE = 4
 """Threads that add up the matrix on the coarsest grid at most: each needs one of its own, 30 MB on the anatomy."""
-SHIFT, IDLE_SHIFT = 1e-6, 1e-3
-"""Addition to a unit diagonal; and where a grid has vertices with next to no nodes, whose directions, 1e6
-times as soft as others, would leave 16 bits with no digits for the others."""
-LEAST_SUPPORT = 0.01
-"""A grid vertex that reaches its points with a smaller sum of squared weights is left out."""
-DENSE_CELLS = 480
-"""Most cells of the coarsest grid that hold nodes; about as many vertices, three rows of the inverse for each."""
-FINEST_SPACING = 1.15
-"""No grid is finer than this many mean distances of nodes: below, the nodes' own blocks do the work."""
-OFFSETS = np.array([[k & 1, k >> 1 & 1, k >> 2 & 1] for k in range(8)])
-"""Corners of a cell."""
-STIFF = 0.45
-"""Nodes are tied whose block off the diagonal is this part of their blocks on it, by norm: one of a hundred links
-of the anatomy, of the papers' energy one of twenty. With 0.5 the certificate of the default takes 100 linear
-iterations, with 0.45 68, with 0.4 64; without groups 164."""
 
 
 class Multigrid:
@@ -332,18 +317,6 @@ class CudaLevels:
         )
 
 
-def in_half_precision(inverse: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A symmetric positive matrix (n, n) with ones on its diagonal, and the scales of its rows and columns (n,).
-
-    The matrix is float16, its rows filled up to whole octets; see `KEPT`. None of its numbers overflows.
-    """
-    scale = np.sqrt(np.maximum(np.diagonal(inverse), np.finfo(np.float32).tiny))
-    numbers = np.zeros((len(inverse), -(-len(inverse) // OCTET) * OCTET), dtype=np.float16)
-    numbers[:, : len(inverse)] = inverse * (KEPT / scale[:, None]) / scale
-    np.fill_diagonal(numbers, 1.0)
-    return numbers, scale
-
-
 def grid_diagonal(matrix: BlockMatrix, whole: _Interpolation, inverse: wp.array, weight: float) -> Launch:
     """Records the inverse diagonal blocks of P^T H P times a weight, for P from a grid's vertices to the nodes."""
     model, size = matrix.model, len(inverse)
@@ -377,293 +350,3 @@ def grid_matrix(matrix: BlockMatrix, whole: _Interpolation, size: int) -> np.nda
     for other in others:
         total += other
     return total
-
-
-def invert(matrix: np.ndarray) -> np.ndarray:
-    """Inverse of a symmetric positive semidefinite matrix, (n, n) float64, its flat directions kept finite.
-
-    It is scaled to a unit diagonal and shifted, so that a grid vertex that hardly reaches a node is harmless.
-    Numbers below the diagonal are not read."""
-    diagonal = np.diagonal(matrix)
-    scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-300))
-    scale[diagonal <= 1e-12 * diagonal.max(initial=0.0)] = 0.0
-    scaled = matrix * scale
-    scaled *= scale[:, None]
-    for shift in (SHIFT, IDLE_SHIFT - SHIFT):
-        scaled[np.diag_indices(len(scaled))] += shift
-        inverse = invert_layers(scaled)
-        if np.diagonal(inverse)[scale > 0.0].max(initial=0.0) <= 1.0 / IDLE_SHIFT:
-            break
-    inverse *= scale
-    inverse *= scale[:, None]
-    return inverse
-
-
-def invert_layers(matrix: np.ndarray) -> np.ndarray:
-    """Inverse of a symmetric positive definite matrix, (n, n) float64, from what is on and above its diagonal.
-
-    Where layers of a grid follow each other it is a block tridiagonal matrix: layers are eliminated one after the
-    other, and the inverse is filled in from the last one back (Meurant 1992). On the anatomy that takes an eighth
-    of the time of NumPy's inverse. A matrix without zeros is one layer."""
-    size = len(matrix)
-    last = np.maximum.accumulate(size - 1 - (matrix[:, ::-1] != 0.0).argmax(axis=1))  # column that a row reaches
-    bounds = [0]
-    while bounds[-1] < size:
-        bounds.append(int(last[bounds[-1]]) + 1)
-    layers = [slice(first, end) for first, end in pairwise(bounds)]
-    inverse = np.zeros_like(matrix)
-    carried = []
-    pivot = _mirrored(matrix[layers[0], layers[0]])
-    for layer, following in pairwise(layers):
-        inverse[layer, layer] = np.linalg.inv(pivot)
-        across = matrix[layer, following]
-        carried.append(inverse[layer, layer] @ across)
-        pivot = _mirrored(matrix[following, following]) - across.T @ carried[-1]
-    inverse[layers[-1], layers[-1]] = np.linalg.inv(pivot)
-    for layer, following, across in zip(layers[-2::-1], layers[:0:-1], carried[::-1], strict=True):
-        beyond = slice(layer.stop, size)
-        inverse[layer, beyond] = -across @ inverse[following, beyond]
-        inverse[layer, layer] -= inverse[layer, following] @ across.T
-    return _mirrored(inverse)
-
-
-def _mirrored(matrix: np.ndarray) -> np.ndarray:
-    """The symmetric matrix with the same numbers on and above its diagonal."""
-    return np.triu(matrix) + np.triu(matrix, 1).T
-
-
-@dataclass(frozen=True, eq=False)
-class CoarseGrid:
-    """The vertices of a regular grid that reach a set of points."""
-
-    origin: np.ndarray
-    """Vertex (0, 0, 0) [mm], shape (3,)."""
-    spacing: float
-    """Edge of a cell [mm]."""
-    number: np.ndarray
-    """Number of each vertex of the grid's box, -1 where left out, shape (nx, ny, nz)."""
-    positions: np.ndarray
-    """Where the numbered vertices are [mm], shape (vertices, 3)."""
-
-    @classmethod
-    def around(cls, points: np.ndarray, origin: np.ndarray, spacing: float) -> tuple[CoarseGrid, Interpolation]:
-        """The grid over points (points, 3), none of them below the origin [mm], and its interpolation to them."""
-        cell, weight = weights(points, origin, spacing)
-        size = cell.max(axis=1) + 2
-        support = np.zeros(size.prod())
-        vertex = _corners(cell, size)
-        for own, part in zip(vertex, weight, strict=True):
-            support += np.bincount(own, part**2, minlength=len(support))
-        kept = (support >= min(LEAST_SUPPORT, support.max())).reshape(size)
-        axes = np.argsort(-size, kind="stable")  # layers across the longest axis follow each other: see `invert`
-        place = np.empty((np.count_nonzero(kept), 3), dtype=np.int64)
-        place[:, axes] = np.argwhere(kept.transpose(axes))
-        number = np.full(size, -1, dtype=np.int32)
-        number[tuple(place.T)] = np.arange(len(place))
-        grid = cls(origin, spacing, number, origin + spacing * place)
-        return grid, grid._between(vertex, weight)
-
-    def interpolate(self, points: np.ndarray) -> Interpolation:
-        """Weights of the grid's vertices at points inside its cells [mm], shape (points, 3)."""
-        size = np.array(self.number.shape)
-        cell, weight = weights(points, self.origin, self.spacing, size - 2)
-        return self._between(_corners(cell, size), weight)
-
-    def _between(self, corner: np.ndarray, weight: np.ndarray) -> Interpolation:
-        """The interpolation by corners in the grid's box and their weights, both of shape (8, points)."""
-        vertex = self.number.ravel().take(corner)
-        weight[vertex < 0] = 0.0
-        return Interpolation(
-            vertex=np.ascontiguousarray(np.maximum(vertex, 0).T),
-            weight=np.ascontiguousarray(weight.T),
-            vertices=len(self.positions),
-        )
-
-
-def lay_grids(points: np.ndarray) -> tuple[tuple[CoarseGrid, ...], tuple[Interpolation, ...]]:
-    """Grids over points (points, 3) [mm], finest first, and the interpolation of each to them."""
-    spacings = find_spacings(points)
-    origin = points.min(axis=0) - 1e-3 * spacings[-1]
-
-    def lay(spacing: float) -> tuple[CoarseGrid, Interpolation]:
-        return CoarseGrid.around(points, origin, spacing)
-
-    with ThreadPoolExecutor(len(spacings)) as pool:  # NumPy releases the interpreter lock
-        laid, to_points = zip(*pool.map(lay, spacings), strict=True)
-    return laid, to_points
-
-
-@dataclass(frozen=True, eq=False)
-class Grids:
-    """The grids of a trunk on the host, and what is solved on the coarsest."""
-
-    laid: tuple[CoarseGrid, ...]
-    """The grids, finest first."""
-    to_nodes: tuple[Interpolation, ...]
-    """The interpolation of each to the free nodes."""
-    inverse: np.ndarray
-    """Of the matrix on the coarsest at rest, shape (3 vertices, 3 vertices)."""
-
-    def reaching(self, nodes: int) -> tuple[tuple[CoarseGrid, ...], tuple[Interpolation, ...]]:
-        """The grids and their interpolations to so many nodes, of which they do not reach the last."""
-        return self.laid, tuple(each.among(nodes) for each in self.to_nodes)
-
-
-@dataclass(frozen=True, eq=False)
-class Interpolation:
-    """Weights of the grid vertices around each point."""
-
-    vertex: np.ndarray
-    """Vertices of the cell a point lies in, shape (points, 8), int32."""
-    weight: np.ndarray
-    """Their trilinear weights, 0 for a vertex left out, shape (points, 8)."""
-    vertices: int
-    """Number of vertices of the grid."""
-
-    def among(self, points: int) -> Interpolation:
-        """The same among more points, of which the grid does not reach the last."""
-        more = [(0, points - len(self.vertex)), (0, 0)]
-        return Interpolation(np.pad(self.vertex, more), np.pad(self.weight, more), self.vertices)
-
-    @cached_property
-    def by_vertex(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The same by vertex.
-
-        That is: its first entry in the two other arrays (vertices + 1,), int32, the points that it reaches,
-        ascending, int32, and their weights.
-        """
-        entry = np.flatnonzero(self.weight.ravel() > 0.0)
-        number = self.vertex.ravel()[entry]
-        short = number.astype(np.uint16) if self.vertices <= 1 << 16 else number  # sorted much faster
-        entry = entry[np.argsort(short, kind="stable")]
-        count = np.bincount(number, minlength=self.vertices)
-        row_start = np.concatenate([[0], np.cumsum(count)]).astype(np.int32)
-        return row_start, (entry // 8).astype(np.int32), self.weight.ravel()[entry]
-
-
-def weights(
-    points: np.ndarray, origin: np.ndarray, spacing: float, last_cell: np.ndarray | None = None
-) -> tuple[np.ndarray, np.ndarray]:
-    """The cell of each point, (3, points), and the weights of its corners, (8, points)."""
-    place = np.ascontiguousarray(((points - origin) / spacing).T)
-    cell = np.floor(place).astype(np.int64)
-    if last_cell is not None:
-        cell = np.minimum(cell, last_cell[:, None])
-    upper = place - cell
-    x, y, z = np.stack([1.0 - upper, upper], axis=1)  # of the lower and the upper corner along each axis
-    return cell, np.stack([x[i] * y[j] * z[k] for i, j, k in OFFSETS])
-
-
-def _corners(cell: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """The corners of cells (3, cells) in the box of a grid, in C order, shape (8, cells)."""
-    strides = np.array([size[1] * size[2], size[2], 1])
-    return (OFFSETS @ strides)[:, None] + strides @ cell
-
-
-def find_spacings(points: np.ndarray) -> list[float]:
-    """Spacings of the grids over points (points, 3), finest first, each twice the one before [mm]."""
-    coarsest = float(np.ptp(points, axis=0).max(initial=1e-6))
-    most = min(DENSE_CELLS, len(points) / 8)
-    along = np.ascontiguousarray((points - points.min(axis=0)).T)
-    while occupied_cells(along, coarsest / 1.1) <= most:
-        coarsest /= 1.1
-    quarter = 0.25 * coarsest
-    node_distance = quarter * (occupied_cells(along, quarter) / len(points)) ** (1.0 / 3.0)
-    spacings = [coarsest]
-    while 0.5 * spacings[0] >= FINEST_SPACING * node_distance:
-        spacings.insert(0, 0.5 * spacings[0])
-    return spacings
-
-
-def occupied_cells(along: np.ndarray, spacing: float) -> int:
-    """Number of cells of a regular grid that hold a point, by its distance along each axis, (3, points)."""
-    cells = (along / spacing).astype(np.int64)
-    size = cells.max(axis=1) + 1
-    occupied = np.zeros(size.prod(), dtype=bool)
-    occupied[(cells[0] * size[1] + cells[1]) * size[2] + cells[2]] = True
-    return int(np.count_nonzero(occupied))
-
-
-class NodeGroups:
-    """The groups of nodes that stiff links tie: the preconditioner inverts their block as a whole.
-
-    Flat and thin tetrahedra tie nodes to each other. Their common motion is soft beside that: their own blocks do
-    not show it, and a grid does not reach it. What ties them is the shape of the mesh, so the groups of the trunk
-    at rest serve every increment; their blocks are those of the matrix that holds."""
-
-    members: list[list[int]]
-    """The nodes of each group, ascending."""
-
-    def __init__(self, matrix: BlockMatrix) -> None:
-        """Ties the nodes by the matrix as it is."""
-        self._model = model = matrix.model
-        columns, size = matrix.columns.numpy(), model.free_nodes
-        rows = np.repeat(np.arange(size), np.diff(matrix.row_start.numpy()).astype(np.int64))
-        upper = np.flatnonzero(columns >= rows)
-        rows, columns = rows[upper], columns[upper]
-        self.members = groups = tie(rows, columns, matrix.blocks.numpy()[upper], size)
-        count = np.array([len(group) for group in groups], dtype=np.int64)
-        keys, pairs = rows * size + columns, [(a, b) for group in groups for a in group for b in group]
-        one, other = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
-        wanted = np.minimum(one, other) * size + np.maximum(one, other)
-        at = np.searchsorted(keys, wanted).clip(0, len(keys) - 1)
-        block_of = np.where(keys[at] == wanted, np.where(one <= other, 1, -1) * (upper[at] + 1), 0)
-        start = 9 * np.cumsum([0, *count**2])
-        self._nodes = np.array([node for group in groups for node in group], dtype=np.int64)
-        self._group_of = np.repeat(np.arange(len(groups)), count)
-        self._where = [model.array(each, wp.int32) for each in (np.cumsum([0, *count]), start, self._nodes)]
-        self._inverse = model.zeros(model.scalar, int(start[-1]))
-        self._kernels, cuda = node_group_kernels(*model.variant), model.parallel.is_cuda
-        self.update: Launch = model.parallel.record(
-            self._kernels.invert,
-            WARP * len(groups) if cuda else len(groups),
-            [*self._where, model.array(block_of, wp.int32), matrix.blocks, matrix.inverse_diagonal],
-            [self._inverse],
-            least=0,
-            loops=not cuda,
-        )
-        """Sets the groups' blocks to those of the matrix as it is, projected, and inverts them."""
-
-    def apply(self, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
-        """Records, on the CPU, the change of z and of r . z by the groups' blocks, after D^-1 of the nodes' own.
-
-        Both are vectors of the free nodes, shape (free nodes,), vec3.
-        """
-        given, changed = [*self._where, self._inverse, r], [z, r_dot_z.iteration, r_dot_z.products]
-        kernel, groups = self._kernels.apply, len(self.members)
-        return self._model.parallel.record(kernel, groups, given, changed, least=0, loops=True)
-
-    def for_cuda(self) -> tuple[int, list[wp.array], list[wp.array]]:
-        """How many nodes are members; what a launch reads to correct them, and writes by member; and what another
-        reads to find the correction of a node."""
-        model, count = self._model, len(self._nodes)
-        member_of = np.full(model.free_nodes, -1)
-        member_of[self._nodes] = np.arange(count)
-        correction = model.zeros(model.vec3, max(count, 1))
-        given = [*self._where, model.array(self._group_of, wp.int32), self._inverse, correction]
-        numbers = view(correction, model.scalar, 3 * len(correction))
-        return count, given, [model.array(member_of, wp.int32), numbers]
-
-
-def tie(rows: np.ndarray, columns: np.ndarray, blocks: np.ndarray, size: int) -> list[list[int]]:
-    """Groups of at most MEMBERS nodes, ascending, by their stiffest links.
-
-    Args:
-        rows: row of each 3x3 block on or above the diagonal of a symmetric matrix, shape (blocks,).
-        columns: its column, shape (blocks,).
-        blocks: the blocks, shape (blocks, 3, 3).
-        size: number of nodes.
-    """
-    norm, diagonal = np.sqrt(np.einsum("bij,bij->b", blocks, blocks)), rows == columns
-    root = np.zeros(size)
-    root[rows[diagonal]] = np.sqrt(np.maximum(norm[diagonal], np.finfo(norm.dtype).tiny))
-    part = norm / (root[rows] * root[columns])
-    stiff = np.flatnonzero((part > STIFF) & ~diagonal)
-    stiff = stiff[np.argsort(-part[stiff], kind="stable")]
-    group_of: dict[int, list[int]] = {}
-    for a, b in zip(rows[stiff].tolist(), columns[stiff].tolist(), strict=True):
-        one, other = group_of.setdefault(a, [a]), group_of.setdefault(b, [b])
-        if one is not other and len(one) + len(other) <= MEMBERS:
-            one += other
-            group_of.update(dict.fromkeys(other, one))
-    return sorted({id(group): sorted(group) for group in group_of.values() if len(group) > 1}.values())

@@ -13,10 +13,11 @@ from dataclasses import replace
 
 import warp as wp
 
+from .grids import Grids
 from .line_search import search
 from .linear import BlockMatrix, Outcome
 from .model import Model
-from .multigrid import Grids, Multigrid
+from .multigrid import Multigrid
 from .parallel import takes_turns
 from .policy import Action, Plan, Run, decide, decide_claim, decide_end, plan, searched, stretch
 from .relaxation import ROUNDING, History, Relaxation, RelaxOptions, RelaxStatus, RelaxStep

@@ -12,9 +12,10 @@ from warp_trunk.kernels.node_groups import MEMBERS
 from warp_trunk.kernels.vectors import vector_kernels
 
 from .certify import chance_of_saddle
+from .grids import Grids
 from .line_search import Trial
 from .linear import BlockMatrix, ConjugateGradient, Dots, LinearSolution
-from .multigrid import Grids, Multigrid
+from .multigrid import Multigrid
 from .parallel import Readback
 from .policy import POLICY, Plan
 from .state import ProductReader, Products, State, longest

@@ -16,8 +16,8 @@ from warp_trunk.case.fingerprint import anatomy_of, difference
 from warp_trunk.case.layers import Layers
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.checks import check_held
+from warp_trunk.engine.grids import Grids
 from warp_trunk.engine.model import Model
-from warp_trunk.engine.multigrid import Grids
 from warp_trunk.engine.newton import Relaxer
 from warp_trunk.engine.parallel import Parallel, choose_device
 from warp_trunk.engine.sag_free import sag_free

@@ -6,7 +6,8 @@ from warp_trunk.kernels.multigrid import KEPT, STRIP, WHOLE
 
 from support.meshes import block
 from support.models import model_of
-from warp_trunk.engine.multigrid import CpuLevels, in_half_precision, invert, invert_layers
+from warp_trunk.engine.dense_inverse import in_half_precision, invert, invert_layers
+from warp_trunk.engine.multigrid import CpuLevels
 from warp_trunk.engine.rest_mesh import PRECISIONS
 
 

@@ -11,7 +11,8 @@ from warp_trunk.engine import multigrid
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.energies.by_name import EnergyName
 from warp_trunk.engine.linear import BlockMatrix, ConjugateGradient, Dots
-from warp_trunk.engine.multigrid import Multigrid, NodeGroups, tie
+from warp_trunk.engine.multigrid import Multigrid
+from warp_trunk.engine.node_groups import NodeGroups, tie
 from warp_trunk.engine.state import State
 
 LOAD_FACTORS = (0.1, 0.5, 1.0)

@@ -1,0 +1,78 @@
+"""The inverse of the matrix on the coarsest grid, which is dense."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from warp_trunk.kernels.multigrid import KEPT, OCTET
+
+SHIFT, IDLE_SHIFT = 1e-6, 1e-3
+"""Addition to a unit diagonal; and where a grid has vertices with next to no nodes, whose directions, 1e6
+times as soft as others, would leave 16 bits with no digits for the others."""
+
+
+def invert(matrix: np.ndarray) -> np.ndarray:
+    """Inverse of a symmetric positive semidefinite matrix, (n, n) float64, its flat directions kept finite.
+
+    It is scaled to a unit diagonal and shifted, so that a grid vertex that hardly reaches a node is harmless.
+    Numbers below the diagonal are not read."""
+    diagonal = np.diagonal(matrix)
+    scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-300))
+    scale[diagonal <= 1e-12 * diagonal.max(initial=0.0)] = 0.0
+    scaled = matrix * scale
+    scaled *= scale[:, None]
+    for shift in (SHIFT, IDLE_SHIFT - SHIFT):
+        scaled[np.diag_indices(len(scaled))] += shift
+        inverse = invert_layers(scaled)
+        if np.diagonal(inverse)[scale > 0.0].max(initial=0.0) <= 1.0 / IDLE_SHIFT:
+            break
+    inverse *= scale
+    inverse *= scale[:, None]
+    return inverse
+
+
+def invert_layers(matrix: np.ndarray) -> np.ndarray:
+    """Inverse of a symmetric positive definite matrix, (n, n) float64, from what is on and above its diagonal.
+
+    Where layers of a grid follow each other it is a block tridiagonal matrix: layers are eliminated one after the
+    other, and the inverse is filled in from the last one back (Meurant 1992). On the anatomy that takes an eighth
+    of the time of NumPy's inverse. A matrix without zeros is one layer."""
+    size = len(matrix)
+    last = np.maximum.accumulate(size - 1 - (matrix[:, ::-1] != 0.0).argmax(axis=1))  # column that a row reaches
+    bounds = [0]
+    while bounds[-1] < size:
+        bounds.append(int(last[bounds[-1]]) + 1)
+    layers = [slice(first, end) for first, end in pairwise(bounds)]
+    inverse = np.zeros_like(matrix)
+    carried = []
+    pivot = _mirrored(matrix[layers[0], layers[0]])
+    for layer, following in pairwise(layers):
+        inverse[layer, layer] = np.linalg.inv(pivot)
+        across = matrix[layer, following]
+        carried.append(inverse[layer, layer] @ across)
+        pivot = _mirrored(matrix[following, following]) - across.T @ carried[-1]
+    inverse[layers[-1], layers[-1]] = np.linalg.inv(pivot)
+    for layer, following, across in zip(layers[-2::-1], layers[:0:-1], carried[::-1], strict=True):
+        beyond = slice(layer.stop, size)
+        inverse[layer, beyond] = -across @ inverse[following, beyond]
+        inverse[layer, layer] -= inverse[layer, following] @ across.T
+    return _mirrored(inverse)
+
+
+def _mirrored(matrix: np.ndarray) -> np.ndarray:
+    """The symmetric matrix with the same numbers on and above its diagonal."""
+    return np.triu(matrix) + np.triu(matrix, 1).T
+
+
+def in_half_precision(inverse: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A symmetric positive matrix (n, n) with ones on its diagonal, and the scales of its rows and columns (n,).
+
+    The matrix is float16, its rows filled up to whole octets; see `KEPT`. None of its numbers overflows.
+    """
+    scale = np.sqrt(np.maximum(np.diagonal(inverse), np.finfo(np.float32).tiny))
+    numbers = np.zeros((len(inverse), -(-len(inverse) // OCTET) * OCTET), dtype=np.float16)
+    numbers[:, : len(inverse)] = inverse * (KEPT / scale[:, None]) / scale
+    np.fill_diagonal(numbers, 1.0)
+    return numbers, scale
