@@ -17,7 +17,7 @@ from support.chromium import CHROMIUM, WEBGL, needs_chromium
 from support.report_results import write_small_result
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.io.surface_files import read_surface, write_surface
-from warp_trunk.report.clothing import COLUMNS, SHIRT, SHORTS, cloth_faces, dressed
+from warp_trunk.report.clothing import COLUMNS, SHIRT, SHORTS, cloth_faces, cloth_of, dressed
 from warp_trunk.report.relief import BEHIND, RIGHT, Viewpoint
 from warp_trunk.report.skin_pictures import looks
 from warp_trunk.report.style import TrunkState
@@ -58,6 +58,16 @@ def test_cloth_lies_outside_the_skin_and_its_triangles_face_out(tmp_path: Path) 
     middle = (places[:, 2] > places[:, 2].min() + 5.0) & (places[:, 2] < places[:, 2].max() - 5.0)
     distance = SurfaceDistance(pose.worn.skin).nearest(places[middle]).distance
     assert 0.5 < distance.min() < 4.5
+
+
+def test_a_lower_cut_that_is_not_level_leaves_the_shorts_as_wide_as_the_skin(tmp_path: Path) -> None:
+    """The lowest section is a part of the trunk, at its left edge alone."""
+    pose = poses_of(read_result(write_small_result(tmp_path)))[0]
+    skin = pose.skin.vertices
+    low = np.exp(-(skin[:, 2] - skin[:, 2].min()) / 20.0)
+    tilted = pose.skin.moved(skin - np.outer(0.04 * skin[:, 0] * low, [0.0, 0.0, 1.0]))
+    level, shorts = (cloth_of(surface, pose.landmarks)[:SHORTS, :, :2] for surface in (pose.skin, tilted))
+    assert np.abs(shorts - level).max() < 5.0
 
 
 def test_a_shirt_shows_no_small_peak_of_the_skin(tmp_path: Path) -> None:

@@ -27,6 +27,9 @@ OUT, EDGE = 4.0, 1.5
 """Distance of the cloth from the hull of the skin, and at the neckline [mm]."""
 _STEP = 4.0
 """Distance of the sections that the cloth is made from [mm]."""
+_WHOLE = 0.9
+"""The lowest sections whose sizes are less than this part of the next are left out: a cut that is not level meets
+only a part of the trunk there."""
 _SMOOTH = 2.0
 """Standard deviations of the smoothing upwards and around [sections, columns]."""
 _BRIDGE, _CHEST = 13, 50.0
@@ -108,8 +111,11 @@ def cloth_of(skin: Surface, landmarks: Landmarks) -> np.ndarray:
         hulls.append(points[ConvexHull(points).vertices] if len(points) > 2 else None)
     known = [number for number, hull in enumerate(hulls) if hull is not None]
     heights, hulls = heights[known], [hulls[number] for number in known]
-    boxes = np.array([(hull.min(axis=0) + hull.max(axis=0)) / 2.0 for hull in hulls])
-    middle = gaussian_filter1d(boxes, 5.0, axis=0, mode="nearest")
+    boxes = np.array([[hull.min(axis=0), hull.max(axis=0)] for hull in hulls])
+    size = boxes[:, 1] - boxes[:, 0]
+    whole = int(np.argmax((size[:-1] > _WHOLE * size[1:]).all(axis=1)))
+    heights, hulls = heights[whole:], hulls[whole:]
+    middle = gaussian_filter1d(boxes[whole:].mean(axis=1), 5.0, axis=0, mode="nearest")
     turn = np.radians(np.arange(COLUMNS) * 360.0 / COLUMNS)
     ways = np.column_stack([np.cos(turn), np.sin(turn)])
     hull_at = np.array([_reach(hull - at, ways) for hull, at in zip(hulls, middle, strict=True)])
