@@ -14,7 +14,7 @@ from voxelise_case import write_labels
 
 from support.blocks import blocks
 from support.breaking import content
-from support.label_maps import body, labels, write_nrrd
+from support.label_maps import NUMBERS, body, labels, write_nrrd
 from support.label_maps import write_map as write_label_map
 from warp_trunk.io.surface_files import write_surface
 
@@ -107,6 +107,8 @@ ROWS: list[tuple[Any, ...]] = [
     ("a CT instead", values(lambda v: v.astype(np.int16) - 1000), "it holds -1000", "that is --ct"),
     ("labels with a scale", field("scl_slope", 0.5), "labels have no scale"),
     ("nothing but zeros", values(np.zeros_like), TABLE, "none of its labels is a bone"),
+    ("no bone of the trunk", values(lambda v: np.where(v > 0, NUMBERS["humerus_left"], 0).astype(v.dtype)), TABLE,
+     "no bone of the trunk among the labels (humerus_left)"),
     ("no names", values(lambda v: v), "its labels have no names",
      "--labels totalsegmentator-v1 or totalsegmentator-v2"),
     ("an affine of zeros", affine(lambda a: 0.0 * a), "voxels must be 0.1 to 12 mm long, these are 0 x 0 x 0 mm"),

@@ -1,21 +1,16 @@
 """Unusual but valid files are read, and nothing that is read is ever executed."""
 
 import ast
-import builtins
 import importlib
-import pickle
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import warp_trunk
 from support.audited import audited
 from support.breaking import content, text
-from support.small_trunk import boned_case
 from warp_trunk.case import read_case
-from warp_trunk.meshing import cache
 
 
 def as_on_a_mac(folder: Path) -> None:
@@ -68,34 +63,6 @@ def test_a_case_opens_its_own_files_and_no_other(good_case):
     assert {event for event, _ in events} == {"open"}
     ours = {str(path) for path in good_case.rglob("*")}
     assert {path for _, path in events} <= ours
-
-
-class _Trap:
-    """Code that runs if it is unpickled."""
-
-    def __reduce__(self):
-        return exec, ("import builtins; builtins.sprung = True",)
-
-
-def test_a_pickle_in_the_cache_is_not_run_but_the_mesh_made_again(tmp_path, monkeypatch):
-    monkeypatch.setenv("WARP_TRUNK_CACHE", str(tmp_path))
-    trunk, key = boned_case()[1], "0" * 64
-    cache.store_cached(key, trunk)
-    (path,) = tmp_path.iterdir()
-    with np.load(path) as file:
-        arrays = dict(file)
-    np.savez(path, allow_pickle=True, **{**arrays, "nodes": np.array([_Trap()], dtype=object)})
-    assert b"builtins" in path.read_bytes()
-    with audited() as events:
-        assert cache.load_cached(key) is None
-    assert not any(event == "pickle.find_class" for event, _ in events)
-    assert not hasattr(builtins, "sprung")
-    pickle.loads(pickle.dumps(_Trap()))
-    assert hasattr(builtins, "sprung")  # the trap works where pickles are run
-    delattr(builtins, "sprung")
-    arrays["tets"] = arrays["tets"].astype(float)
-    np.savez(path, **arrays)
-    assert cache.load_cached(key) is None
 
 
 RUNS = {"pickle", "marshal", "shelve", "dill", "cloudpickle", "joblib", "yaml"}

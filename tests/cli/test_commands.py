@@ -4,7 +4,6 @@ import json
 import shlex
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -124,32 +123,16 @@ def test_help_shows_what_people_set_and_the_whole_help_the_rest(capsys: pytest.C
     assert "Requested number of tetrahedra" in said["--help"]  # documented at the field of the option
 
 
-@pytest.fixture(scope="module")
-def commands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., int]]:
-    """Simulates a case folder by its command, with a mesh of a few thousand tetrahedra that is made once."""
-    folder = tmp_path_factory.mktemp("commands")
+def test_flags_reach_the_run_and_the_rest_is_the_cases(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WARP_TRUNK_CACHE", str(tmp_path / "cache"))
     case = small_case()
-    write_case(folder / "case", replace(case, skin=coarsen(case.skin, 40.0, 4.0)))
+    write_case(tmp_path / "case", replace(case, skin=coarsen(case.skin, 40.0, 4.0)))
 
-    def simulate(out: Path, *flags: str) -> int:
-        quick = ("--tets=8000", "--increments=2", "--device=cpu", "--threads=1")
-        return main(["simulate", str(folder / "case"), "--out", str(out), *quick, *flags])
+    def simulated(flags: str) -> int:
+        usual = f"--out {tmp_path} --tets=8000 --increments=2 --device=cpu --threads=1 --no-record"
+        return main(["simulate", str(tmp_path / "case"), *usual.split(), *flags.split()])
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("WARP_TRUNK_CACHE", str(folder / "cache"))
-        yield simulate
-
-
-def test_flags_reach_the_run_and_the_rest_is_the_cases(commands: Callable[..., int], tmp_path: Path) -> None:
-    flags = (
-        "--precision=float64",
-        "--max-steps=400",
-        "--tolerance=50",
-        "--density=900",
-        "--gravity=9.81",
-        "--no-record",
-    )
-    assert commands(tmp_path, *flags) == OK
+    assert simulated("--precision=float64 --max-steps=400 --tolerance=50 --density=900 --gravity=9.81") == OK
     parameters = json.loads((tmp_path / "summary.json").read_text())["parameters"]
     assert parameters | {
         "tets": 8000, "increments": 2, "device": "cpu", "precision": "float64", "threads": 1,
@@ -157,7 +140,7 @@ def test_flags_reach_the_run_and_the_rest_is_the_cases(commands: Callable[..., i
         "poisson_ratio": small_case().tissue.poisson_ratio,
     } == parameters  # fmt: skip
     assert not (tmp_path / "recording.rrd").exists()
-    assert commands(tmp_path / "short", "--max-steps=1", "--tolerance=1e-4", "--no-record") == NOT_CONVERGED
+    assert simulated("--max-steps=1 --tolerance=1e-4") == NOT_CONVERGED
 
 
 def test_make_case_writes_a_case_of_the_curve_asked_for(

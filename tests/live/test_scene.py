@@ -8,18 +8,24 @@ from warp_trunk.live.page_scene import OUTLINE, STEP, outer_first, outlines, rel
 from warp_trunk.live.relaxation import InitialGuess
 
 
+def check_circles(ends: np.ndarray, axis: int, step: float, numbers: range) -> None:
+    """Lines on a ball of 98 mm are whole circles at these multiples of a step along an axis."""
+    at = ends[:, 0, axis]
+    np.testing.assert_allclose(ends[:, 1, axis], at, atol=1e-9)
+    for number in numbers:
+        circle = ends[np.isclose(at, step * number)]
+        around = np.linalg.norm(circle[:, 0] - circle[:, 1], axis=1).sum()
+        assert abs(around / (2.0 * np.pi * np.sqrt(98.0**2 - (step * number) ** 2)) - 1.0) < 0.01
+
+
 def test_lines_of_a_sphere_are_its_circles() -> None:
     ball = trimesh.creation.icosphere(subdivisions=5, radius=98.0)
     vertices, faces = np.asarray(ball.vertices), np.asarray(ball.faces)
     ends = relief_lines(vertices, faces) - [0.0, 0.6, 0.0]
     depth = ends[:, 0, 1]
-    np.testing.assert_allclose(ends[:, 1, 1], depth, atol=1e-9)
+    check_circles(ends, 1, STEP, range(11, 19))  # the way around each circle that faces back is whole
     np.testing.assert_allclose(depth / STEP, np.round(depth / STEP), atol=1e-9)
     np.testing.assert_allclose(np.linalg.norm(ends, axis=2), 98.0, atol=0.15)
-    for number in range(11, 19):  # the way around each circle that faces back is whole
-        at = np.isclose(depth, STEP * number)
-        around = np.linalg.norm(ends[at, 0] - ends[at, 1], axis=1).sum()
-        assert abs(around / (2.0 * np.pi * np.sqrt(98.0**2 - (STEP * number) ** 2)) - 1.0) < 0.01
     assert depth.min() > 0.45 * 98.0  # its front and its flank have none
     drawn = relief_lines(vertices.astype(np.float32), faces)  # as the page has it
     np.testing.assert_allclose(drawn - np.array([0.0, 0.6, 0.0], np.float32), ends, atol=1e-3)
@@ -35,12 +41,7 @@ def test_a_corner_on_a_plane_leaves_no_hole_and_no_nan() -> None:
 def test_outlines_of_a_sphere_are_its_parallels() -> None:
     ball = trimesh.creation.icosphere(subdivisions=4, radius=98.0)
     ends = outlines(np.asarray(ball.vertices), np.asarray(ball.faces))
-    height = ends[:, 0, 2]
-    np.testing.assert_allclose(ends[:, 1, 2], height, atol=1e-9)
-    for number in range(-6, 7):  # whole circles, front and back
-        at = np.isclose(height, OUTLINE * number)
-        around = np.linalg.norm(ends[at, 0] - ends[at, 1], axis=1).sum()
-        assert abs(around / (2.0 * np.pi * np.sqrt(98.0**2 - (OUTLINE * number) ** 2)) - 1.0) < 0.01
+    check_circles(ends, 2, OUTLINE, range(-6, 7))  # whole, front and back
 
 
 def test_outer_triangles_come_before_inner_ones() -> None:

@@ -35,17 +35,24 @@ FILES = {
 """The files of a result beside its recording."""
 
 
-class InterruptedBefore(Progress):
-    """Interrupts a run after an increment."""
+class Interrupted(Progress):
+    """Interrupts a run after an increment, or when it begins a stage."""
 
-    def __init__(self, number: int) -> None:
+    def __init__(self, at: int | str) -> None:
         super().__init__()
-        self.number = number
+        self.at = at
 
     def increment(self, increment: Increment, count: int) -> None:
         super().increment(increment, count)
-        if increment.number == self.number:
+        if increment.number == self.at:
             raise KeyboardInterrupt
+
+    @contextmanager
+    def stage(self, name: str, doing: str) -> Iterator[None]:
+        if name == self.at:
+            raise KeyboardInterrupt
+        with super().stage(name, doing):
+            yield
 
 
 @pytest.fixture
@@ -132,7 +139,7 @@ def test_an_interrupted_run_leaves_its_recording_and_the_next_one_replaces_it(
     whole, out = tmp_path / "whole", tmp_path / "out"
     simulated(case, whole, mesh)
     with pytest.raises(KeyboardInterrupt):
-        simulated(case, out, mesh, InterruptedBefore(3))
+        simulated(case, out, mesh, Interrupted(3))
     assert {path.name for path in out.iterdir()} == {"recording.partial.rrd"}
     assert find_recording(out) == out / "recording.partial.rrd"
     with pytest.raises(InputError):
@@ -154,21 +161,6 @@ def test_a_recording_cut_short_by_the_disk_does_not_pass_for_a_whole_one(
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"recording.partial.rrd", *FILES}
 
 
-class InterruptedWhile(Progress):
-    """Has a run be interrupted when it begins a stage."""
-
-    def __init__(self, name: str) -> None:
-        super().__init__()
-        self.name = name
-
-    @contextmanager
-    def stage(self, name: str, doing: str) -> Iterator[None]:
-        if name == self.name:
-            raise KeyboardInterrupt
-        with super().stage(name, doing):
-            yield
-
-
 def test_a_run_that_is_refused_or_interrupted_leaves_no_empty_folder(
     case: Case, mesh: Path, tmp_path: Path
 ) -> None:
@@ -177,7 +169,7 @@ def test_a_run_that_is_refused_or_interrupted_leaves_no_empty_folder(
         with pytest.raises(InputError, match=r"no\.vtu: there is no such file"):
             simulated(case, folder, tmp_path / "no.vtu")
         with pytest.raises(KeyboardInterrupt):
-            simulated(case, folder, mesh, InterruptedWhile("compile"))
+            simulated(case, folder, mesh, Interrupted("compile"))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["there", "tissue.vtu"]
 
 

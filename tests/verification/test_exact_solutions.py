@@ -1,4 +1,4 @@
-"""Both solvers, scikit-fem and warp_trunk, against equilibria of the neo-Hookean energy that are known exactly."""
+"""scikit-fem and warp_trunk against equilibria that are known exactly, against each other, and by differences."""
 
 from collections.abc import Callable
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from skfem import Basis, ElementTetP1
 
+from support.continuum import parts, stable, stress
 from support.exact_solutions import (
     SOLVERS,
     Exact,
@@ -19,10 +20,10 @@ from support.exact_solutions import (
     swollen,
     the_ends,
 )
-from support.finite_elements import tet_mesh
-from support.meshes import rotation
+from support.finite_elements import Solid, equilibrium, tangent, tet_mesh
+from support.meshes import block, block_with_bone, rotate, rotation
+from warp_trunk.engine.trunk_mesh import TrunkMesh
 
-pytestmark = pytest.mark.parametrize("solver", SOLVERS)
 RATIOS = (0.3, 0.45, 0.49)
 
 
@@ -46,6 +47,7 @@ def area_vectors(exact: Exact) -> np.ndarray:
     return vectors
 
 
+@pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("nu", RATIOS)
 def test_patch(solver: str, nu: float) -> None:
     """Nodes all around carried by one affine map carry those inside an irregular mesh with them."""
@@ -54,6 +56,7 @@ def test_patch(solver: str, nu: float) -> None:
     assert farthest(exact, solve(solver, exact, nu).displacement) < 1e-8
 
 
+@pytest.mark.parametrize("solver", SOLVERS)
 def test_rigid_motion(solver: str) -> None:
     """Held at its ends, a bar that turns by 120 degrees turns as a whole, without energy and without force."""
     exact = affine(brick(3, the_ends, 0.15), rotation(120.0, (1.0, -2.0, 0.5)))
@@ -63,6 +66,7 @@ def test_rigid_motion(solver: str) -> None:
     assert np.abs(found.forces).max() < 1e-9
 
 
+@pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("nu", RATIOS)
 @pytest.mark.parametrize("stretch", [0.7, 1.5])
 def test_pulled_and_pressed(solver: str, stretch: float, nu: float) -> None:
@@ -73,6 +77,7 @@ def test_pulled_and_pressed(solver: str, stretch: float, nu: float) -> None:
     np.testing.assert_allclose(found.forces[top].sum(axis=0) / 900.0, [0.0, 0.0, 1e-3 * stress], atol=1e-9)
 
 
+@pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("nu", RATIOS)
 def test_simple_shear(solver: str, nu: float) -> None:
     """Energy of the whole and the force on every node all around, P times its area vector."""
@@ -83,6 +88,7 @@ def test_simple_shear(solver: str, nu: float) -> None:
     np.testing.assert_allclose(found.forces, 1e-3 * area_vectors(exact) @ stress.T, atol=1e-9)
 
 
+@pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize(("nu", "make"), [(0.3, swollen), (0.45, swollen), (0.3, hanging), (0.45, hanging)])
 def test_order_of_convergence(solver: str, make: Callable[[int, float], Exact], nu: float) -> None:
     """The L2 error of the displacement falls as the square of the mesh size."""
@@ -101,3 +107,89 @@ def distance_l2(exact: Exact, displacement: np.ndarray) -> float:
     found = np.stack([np.asarray(basis.interpolate(component)) for component in displacement.T], axis=-1)
     wanted = exact.displacement(X.reshape(-1, 3)).reshape(X.shape)
     return float(np.sqrt((((found - wanted) ** 2).sum(axis=-1) * basis.dx).sum()))
+
+
+def moved_bone() -> tuple[TrunkMesh, np.ndarray]:
+    """One bone is held; the other moves by two thirds of an edge and turns."""
+    trunk = block_with_bone((5, 4, 4), holes=((0, 1, 1), (3, 2, 2)))
+    start = np.zeros_like(trunk.nodes)
+    moving = trunk.bone == 1
+    start[moving] = rotate(trunk.nodes[moving], 25.0, (1.0, 1.0, 0.0)) - trunk.nodes[moving]
+    start[moving] += [2.0, 5.0, -3.0]
+    return trunk, start
+
+
+def turned_end() -> tuple[TrunkMesh, np.ndarray]:
+    """A column whose top is turned by 90 degrees against its foot; the start winds it."""
+    trunk = block((3, 3, 6))
+    z = trunk.nodes[:, 2]
+    trunk.bone[z > 57.0] = 0
+    angle = np.radians(90.0) * np.clip(z / 60.0, 0.0, 1.0) * np.where(trunk.prescribed, z > 30.0, 1.0)
+    angle[trunk.prescribed & (z > 30.0)] = np.radians(90.0)
+    x, y = trunk.nodes[:, 0] - 15.0, trunk.nodes[:, 1] - 15.0
+    c, s = np.cos(angle), np.sin(angle)
+    return trunk, np.column_stack([c * x - s * y - x, s * x + c * y - y, np.zeros_like(x)])
+
+
+@pytest.mark.parametrize("gravity", [0.0, 9.81])
+@pytest.mark.parametrize("nu", [0.3, 0.45, 0.49])
+@pytest.mark.parametrize("scene", [moved_bone, turned_end])
+def test_same_equilibrium(scene: Callable[[], tuple[TrunkMesh, np.ndarray]], nu: float, gravity: float) -> None:
+    """Every node to 1e-6 mm, the energy and the forces that hold the bones to nine digits."""
+    trunk, start = scene()
+    wanted, found = (SOLVERS[name](trunk, start, nu, gravity) for name in ("scikit-fem", "warp_trunk"))
+    assert np.linalg.norm(wanted.displacement - start, axis=1).max() > 1.0
+    assert np.linalg.norm(found.displacement - wanted.displacement, axis=1).max() < 1e-6
+    assert found.energy == pytest.approx(wanted.energy, rel=1e-9)
+    np.testing.assert_allclose(found.forces, wanted.forces, atol=1e-8 * np.abs(wanted.forces).max())
+
+
+@pytest.fixture(scope="module")
+def deformations() -> np.ndarray:
+    """Deformation gradients, inverted ones too, shape (20, 3, 3)."""
+    return np.eye(3) + 0.6 * np.random.default_rng(0).normal(size=(20, 3, 3))
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.3, 0.45, 0.49])
+def test_stress_and_tangent_by_differences(deformations: np.ndarray, nu: float) -> None:
+    moduli, step = stable(10.0, nu), 1e-5
+    assert 0 < (np.linalg.det(deformations) < 0.0).sum() < 10
+    found, second = stress(deformations, *moduli), tangent(deformations, *moduli)
+    for k, l in np.ndindex(3, 3):  # noqa: E741
+        move = np.zeros((3, 3))
+        move[k, l] = step
+        ahead, behind = deformations + move, deformations - move
+        slope = (sum(parts(ahead, *moduli)) - sum(parts(behind, *moduli))) / (2.0 * step)
+        np.testing.assert_allclose(found[:, k, l], slope, rtol=1e-7, atol=1e-8 * np.abs(slope).max())
+        slope = (stress(ahead, *moduli) - stress(behind, *moduli)) / (2.0 * step)
+        np.testing.assert_allclose(second[:, :, :, k, l], slope, rtol=1e-7, atol=1e-8 * np.abs(slope).max())
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.3, 0.45, 0.49])
+def test_hookes_law_at_rest(nu: float) -> None:
+    """A small strain e gives the stress E / (1 + nu) (e + nu / (1 - 2 nu) tr e), a small rotation none."""
+    rest, moduli = np.eye(3)[None], stable(10.0, nu)
+    assert sum(parts(rest, *moduli)) == pytest.approx(0.0, abs=1e-14)
+    np.testing.assert_allclose(stress(rest, *moduli), 0.0, atol=1e-13)
+    gradient = np.random.default_rng(1).normal(size=(3, 3))
+    strain = 0.5 * (gradient + gradient.T)
+    wanted = 10.0 / (1.0 + nu) * (strain + nu / (1.0 - 2.0 * nu) * np.trace(strain) * np.eye(3))
+    found = np.einsum("ijkl,kl->ij", tangent(rest, *moduli)[0], gradient)
+    np.testing.assert_allclose(found, wanted, rtol=1e-11, atol=1e-11)
+
+
+def test_energy_ignores_rotation_and_is_isotropic(deformations: np.ndarray) -> None:
+    moduli, turn = stable(10.0, 0.45), rotation(130.0, (2.0, 1.0, -1.0))
+    for turned in (turn @ deformations, deformations @ turn):
+        for found, wanted in zip(parts(turned, *moduli), parts(deformations, *moduli), strict=True):
+            np.testing.assert_allclose(found, wanted, rtol=1e-11, atol=1e-11)
+
+
+def test_the_independent_solver_stays_at_rest_and_says_when_no_step_helps(monkeypatch) -> None:
+    trunk = block((2, 2, 2))
+    solid, still = Solid(trunk.nodes, trunk.tets, 1.0, 0.45), np.zeros_like(trunk.nodes)
+    np.testing.assert_allclose(equilibrium(solid, still, trunk.prescribed), 0.0, atol=1e-12)
+    forces = solid.forces
+    monkeypatch.setattr(solid, "forces", lambda u: -forces(u))
+    with pytest.raises(AssertionError, match="no step lowers the energy"):
+        equilibrium(solid, still + 2.0 * ~trunk.prescribed[:, None], trunk.prescribed)

@@ -157,9 +157,7 @@ def states(space: str) -> dict[str, bytes]:
     facets = np.zeros(6, dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
     facets["corners"] = [[points[c].split() for c in face] for face in PYRAMID.faces]
     loops = ["\n".join(f"vertex {points[c]}" for c in face) for face in PYRAMID.faces]
-    vtk = f"DATASET POLYDATA\n{{}}POINTS 5 float\n{' '.join(points)}\nPOLYGONS 6 24\n3 " + "\n3 ".join(corners)
-    field = f"FIELD FieldData 2\nTimeValue 1 1 double\n0.5\nSPACE 1 1 string\n{space}\n"
-    letters = " ".join(str(letter) for letter in space.encode())
+    vtk = f"DATASET POLYDATA\nPOINTS 5 float\n{' '.join(points)}\nPOLYGONS 6 24\n3 " + "\n3 ".join(corners)
     texts = {
         "ply": f"ply\nformat ascii 1.0\ncomment {said}\nelement vertex 5\nproperty float x\nproperty float y\n"
         "property float z\nelement face 6\nproperty list uchar int vertex_indices\nend_header\n"
@@ -168,14 +166,7 @@ def states(space: str) -> dict[str, bytes]:
         "text.stl": f"solid a; {said}\n"
         + "".join(f"facet normal 0 0 1\nouter loop\n{loop}\nendloop\nendfacet\n" for loop in loops)
         + "endsolid a\n",
-        "title.vtk": f"# vtk DataFile Version 3.0\n{said}\nASCII\n" + vtk.format(""),
-        "field.vtk": "# vtk DataFile Version 4.2\nvtk output\nASCII\n" + vtk.format(field),
-        "vtp": '<VTKFile type="PolyData"><PolyData><FieldData><Array type="String" Name="SPACE" format="ascii" '
-        f'NumberOfTuples="1">{letters} 0</Array></FieldData><Piece NumberOfPoints="5" NumberOfPolys="6"><Points>'
-        f'<DataArray type="Float32" NumberOfComponents="3" format="ascii">{" ".join(points)}</DataArray></Points>'
-        f'<Polys><DataArray type="Int64" Name="connectivity" format="ascii">{" ".join(corners)}</DataArray>'
-        '<DataArray type="Int64" Name="offsets" format="ascii">3 6 9 12 15 18</DataArray></Polys></Piece>'
-        "</PolyData></VTKFile>",
+        "title.vtk": f"# vtk DataFile Version 3.0\n{said}\nASCII\n" + vtk,
     }  # fmt: skip
     stl = f"a; {said}".encode().ljust(80) + struct.pack("<I", 6) + facets.tobytes()
     return {name: text.encode() for name, text in texts.items()} | {"stl": stl}

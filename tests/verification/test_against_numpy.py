@@ -1,0 +1,261 @@
+"""Energies, gradients and equilibria against NumPy and SciPy, of tissues of one kind or more."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pytest
+
+from support.continuum import Continuum
+from support.meshes import block, block_with_bone, grid, rotation, single_tet, trunk
+from support.models import bent_and_noisy, evaluated, gradient_of, half_and_half, held_turned, model_of, relax
+from support.reference import Reference, volumes
+from warp_trunk.engine.relaxation import Energy, RelaxStatus
+from warp_trunk.engine.state import State
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.engine.trunk_mesh import TrunkMesh
+from warp_trunk.errors import InputError
+
+MESHES = {"block": block(), "bone inside": block_with_bone(), "one tetrahedron": single_tet()}
+TISSUES = {
+    "all terms": Tissue(epsilon=0.7, theta=13.0, density=950.0, youngs_modulus=4.0),
+    "edges only": Tissue(epsilon=0.0, theta=0.0),
+    "no faces": Tissue(epsilon=0.0, theta=5.0),
+    "no volume": Tissue(epsilon=2.0, theta=0.0),
+}
+LAYERS = (
+    Tissue(youngs_modulus=10.0, poisson_ratio=0.4, density=900.0),
+    Tissue(youngs_modulus=60.0, poisson_ratio=0.49, density=1200.0),
+)
+REFERENCES: dict[str, Any] = {"itmsm": Reference, "neo-hookean": Continuum}
+each_energy = pytest.mark.parametrize("energy", REFERENCES)
+
+
+def state_of(trunk: TrunkMesh, tissue: Any, displacement: np.ndarray, **options: Any) -> State:
+    return evaluated(model_of(trunk, tissue, **options), displacement)
+
+
+@pytest.mark.parametrize("gravity", [0.0, 9.81])
+@pytest.mark.parametrize(("precision", "bound"), [("float32", 3e-6), ("float64", 1e-12)])
+@pytest.mark.parametrize(
+    ("energy", "mesh", "tissue"),
+    [
+        *(("itmsm", mesh, tissue) for mesh in MESHES for tissue in TISSUES.values()),
+        ("neo-hookean", "bone inside", LAYERS[0]),
+        ("neo-hookean", "bone inside", LAYERS),
+    ],
+)
+def test_terms_and_inverted_tetrahedra(
+    energy: str, mesh: str, tissue: Any, precision: str, bound: float, gravity: float
+) -> None:
+    trunk = half_and_half(MESHES[mesh]) if tissue is LAYERS else MESHES[mesh]
+    displacement = bent_and_noisy(trunk)
+    reference = REFERENCES[energy](trunk, tissue, gravity)
+    state = state_of(trunk, tissue, displacement, energy=energy, gravity=gravity, precision=precision)
+    found, inverted, newly_inverted = state.read()
+    wanted = reference.energies(displacement)
+    assert {name for name, value in found.terms.items() if value} <= wanted.keys()
+    for term, value in wanted.items():
+        assert found.terms.get(term, 0.0) == pytest.approx(value, rel=bound, abs=0.0), term
+    assert found.total == pytest.approx(sum(wanted.values()), rel=bound)
+    p = (trunk.nodes + displacement)[trunk.tets]
+    turned = np.linalg.det(p[:, 1:] - p[:, :1]) <= 0.0
+    assert (inverted, newly_inverted) == (turned.sum(), turned.sum())
+    assert mesh == "one tetrahedron" or 0 < turned.sum() < len(trunk.tets)
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+@pytest.mark.parametrize(
+    ("energy", "tissue"), [("itmsm", TISSUES["all terms"]), ("neo-hookean", LAYERS[0]), ("neo-hookean", LAYERS)]
+)
+def test_gradient_of_all_nodes(energy: str, tissue: Any, threads: int) -> None:
+    """The sum of the ranges' parts is the gradient of the NumPy energy, prescribed nodes included."""
+    trunk = half_and_half(MESHES["bone inside"]) if tissue is LAYERS else MESHES["bone inside"]
+    displacement = bent_and_noisy(trunk)
+    found = gradient_of(state_of(trunk, tissue, displacement, threads=threads, energy=energy, gravity=9.81))
+    wanted = REFERENCES[energy](trunk, tissue, 9.81).gradient(displacement)
+    np.testing.assert_allclose(found, wanted, rtol=1e-11, atol=1e-11 * np.abs(wanted).max())
+
+
+@each_energy
+def test_the_reference_gradient_is_that_of_the_reference_energy(energy: str) -> None:
+    trunk, tissue = (
+        (half_and_half(block()), LAYERS) if energy == "neo-hookean" else (block(), TISSUES["all terms"])
+    )
+    reference, displacement = REFERENCES[energy](trunk, tissue, 9.81), bent_and_noisy(trunk)
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        along = 1e-5 * rng.normal(size=displacement.shape)
+        change = reference.energy(displacement + along) - reference.energy(displacement - along)
+        assert change == pytest.approx(2.0 * float((reference.gradient(displacement) * along).sum()), rel=1e-7)
+
+
+@each_energy
+@pytest.mark.parametrize(("precision", "rounding"), [("float32", 1e-4), ("float64", 1e-13)])
+def test_rigid_motions_cost_nothing(energy: str, precision: str, rounding: float) -> None:
+    trunk = MESHES["block"]
+    moved = trunk.nodes @ rotation(70.0, (1.0, -1.0, 3.0)).T + np.array([200.0, -50.0, 900.0])
+    turned, rest = (
+        state_of(trunk, None, displacement, energy=energy, precision=precision)
+        for displacement in (moved - trunk.nodes, np.zeros_like(moved))
+    )
+    springs = len(trunk.tets) * rounding**2 * 100.0  # a sum of squares; the other cancels 1e-2 mJ/mm^3
+    bound = springs if energy == "itmsm" else 1e-5 * rounding * Reference(trunk).rest_volumes.sum()
+    assert abs(turned.energy().total) < bound
+    assert rest.energy().total == 0.0
+    assert (rest.gradient.numpy() == 0.0).all()
+
+
+SPRINGS = Tissue(epsilon=0.8, theta=6.0)
+
+
+def moved_block() -> tuple[TrunkMesh, np.ndarray]:
+    """The held face turns by 20 degrees and slides; all nodes start where a spline would not put them."""
+    trunk = half_and_half(block((3, 3, 3)))
+    return trunk, held_turned(trunk, 20.0, [4.0, -2.0, 3.0])
+
+
+def moved_bone() -> tuple[TrunkMesh, np.ndarray]:
+    """A bone inside moves by 2.5 mm, a quarter of an edge."""
+    trunk = block_with_bone((4, 4, 3), holes=((0, 1, 1), (2, 2, 1)))
+    start = np.zeros_like(trunk.nodes)
+    start[trunk.bone == 1] = [1.0, 2.0, -1.0]
+    return trunk, start
+
+
+@pytest.mark.parametrize("gravity", [0.0, 9.81])
+@pytest.mark.parametrize(
+    ("scene", "energy", "tissue"),
+    [
+        (moved_block, "itmsm", SPRINGS),
+        (moved_bone, "itmsm", SPRINGS),
+        (moved_block, "neo-hookean", LAYERS),
+        (moved_bone, "neo-hookean", LAYERS[1]),
+    ],
+)
+def test_same_equilibrium(
+    scene: Callable[[], tuple[TrunkMesh, np.ndarray]], energy: str, tissue: Any, gravity: float
+) -> None:
+    trunk, start = scene()
+    reference = REFERENCES[energy](trunk, tissue, gravity)
+    relaxation, found = relax(model_of(trunk, tissue, energy=energy, gravity=gravity), start, tolerance=1e-7)
+    assert relaxation.status is RelaxStatus.CONVERGED
+    wanted = reference.equilibrium(start)
+    assert reference.energy(wanted) < reference.energy(start)
+    assert np.abs(wanted - start)[reference.free].max() > 1.0
+    np.testing.assert_allclose(found, wanted, atol=2e-6)
+    assert relaxation.energy.total == pytest.approx(reference.energy(wanted), rel=1e-9)
+
+
+SOFT = Tissue(epsilon=0.5, theta=8.0, youngs_modulus=5.0, density=900.0)
+STIFF = Tissue(epsilon=2.0, theta=20.0, youngs_modulus=35.0, density=1300.0)
+
+
+def energy_of(mesh: TrunkMesh, displacement: np.ndarray, tissue: Any, **options: Any) -> Energy:
+    return evaluated(model_of(mesh, tissue, **options), displacement).energy()
+
+
+def half_refined() -> TrunkMesh:
+    """Two cubes of equal size; the upper one of cells of half the edge, not joined to the lower one."""
+    coarse, tets, _ = grid((2, 2, 2), 10.0)
+    fine, fine_tets, _ = grid((4, 4, 4), 5.0)
+    nodes = np.vstack([coarse, fine + np.array([0.0, 0.0, 30.0])])
+    held = (nodes[:, 2] == 0.0) | (nodes[:, 2] == 30.0)
+    return trunk(nodes, np.vstack([tets, fine_tets + len(coarse)]), held)
+
+
+@pytest.mark.parametrize(("weights", "upper_share"), [("volume", 0.5), ("count", None)])
+def test_by_volume_equal_parts_of_tissue_are_equally_stiff(weights: str, upper_share: float | None) -> None:
+    """Swelling one of the two cubes: fine cells cost more by count, the same by volume."""
+    mesh = half_refined()
+    upper = mesh.nodes[:, 2] >= 30.0
+    swollen = 0.1 * (mesh.nodes - [10.0, 10.0, 30.0])
+    one = energy_of(mesh, np.where(upper[:, None], swollen, 0.0), SOFT, weights=weights)
+    other = energy_of(mesh, np.where(upper[:, None], 0.0, swollen), SOFT, weights=weights)
+    for term in ("distance", "area", "volume"):
+        share = one.terms[term] / (one.terms[term] + other.terms[term])
+        assert share == pytest.approx(upper_share, rel=1e-12) if upper_share else share > 0.8, term
+
+
+def measure_of(points: np.ndarray, feature: tuple[int, ...]) -> float:
+    """Length, area or volume."""
+    edges = points[list(feature[1:])] - points[feature[0]]
+    return float(np.sqrt(np.linalg.det(edges @ edges.T)))
+
+
+def expected(
+    mesh: TrunkMesh, displacement: np.ndarray, tissues: tuple[Tissue, ...], weights: str
+) -> dict[str, float]:
+    """Every tetrahedron's terms, with its own tissue's constants and its share of edges, faces and itself."""
+    points, tets = mesh.nodes + displacement, mesh.tets.tolist()
+    rest_volume = volumes(mesh.nodes, mesh.tets)
+    sign = np.sign(volumes(points, mesh.tets))
+    total: dict[str, float] = dict.fromkeys(("distance", "area", "volume"), 0.0)
+    for size, term in enumerate(total, start=2):
+        times = Counter(feature for tet in tets for feature in combinations(sorted(tet), size))
+        for t, tet in enumerate(tets):
+            tissue = tissues[0 if mesh.tissue is None else mesh.tissue[t]]
+            factor = {"distance": 1.0, "area": tissue.epsilon, "volume": tissue.theta}[term]
+            own = list(combinations(sorted(tet), size))
+            for feature in own:
+                grown = measure_of(points, feature) * (sign[t] if size == 4 else 1.0)
+                by_volume = rest_volume[t] / rest_volume.sum() * len(times) / len(own)
+                share = 1.0 / times[feature] if weights == "count" else by_volume
+                change = grown / measure_of(mesh.nodes, feature) - 1.0
+                total[term] += tissue.youngs_modulus / tissues[0].youngs_modulus * factor * share * change**2
+    return total
+
+
+@pytest.mark.parametrize("weights", ["count", "volume"])
+@pytest.mark.parametrize("tissues", [(SOFT,), (SOFT, STIFF), (STIFF, replace(SOFT, epsilon=0.0))])
+def test_energies_of_tissues(tissues: tuple[Tissue, ...], weights: str) -> None:
+    mesh = block((2, 2, 2))
+    if len(tissues) > 1:
+        mesh = replace(mesh, tissue=np.random.default_rng(3).integers(0, 2, len(mesh.tets)).astype(np.int8))
+    rng = np.random.default_rng(8)
+    displacement = mesh.nodes @ (1.1 * rotation(25.0)).T - mesh.nodes + rng.normal(size=mesh.nodes.shape)
+    energy = energy_of(mesh, displacement, tissues, weights=weights)
+    for term, value in expected(mesh, displacement, tissues, weights).items():
+        assert energy.terms.get(term, 0.0) == pytest.approx(value, rel=1e-12), term
+
+
+def test_weight_of_tissues_in_newtons() -> None:
+    """k_D / 2 [J] times the gradient along z is m g, with k_D of the first tissue."""
+    mesh = half_and_half(block((2, 2, 2)))
+    state = evaluated(model_of(mesh, (SOFT, STIFF), gravity=9.81), np.zeros_like(mesh.nodes))
+    volume = volumes(mesh.nodes, mesh.tets) * 1e-9
+    k_d = 5.0 * 5e3 * volume.sum() / len(Reference(mesh).edges)
+    newtons = 0.5 * k_d * state.gradient.numpy().sum(axis=0)[2] * 1e3
+    assert newtons == pytest.approx(9.81 * (900.0 * volume[::2].sum() + 1300.0 * volume[1::2].sum()), rel=1e-10)
+
+
+def test_a_uniform_scene_uploads_no_constant_for_each_tetrahedron() -> None:
+    mesh = block((2, 2, 2))
+    labelled = replace(mesh, tissue=np.zeros(len(mesh.tets), dtype=np.int8))
+    itmsm: Any = model_of(labelled, SOFT).elements
+    continuum: Any = model_of(mesh, SOFT, energy="neo-hookean").elements
+    assert len(itmsm.theta) == len(itmsm.gravity_weight) == len(continuum.moduli) == 1
+    layers: Any = model_of(labelled, (SOFT, STIFF), energy="neo-hookean").elements
+    assert len(layers.moduli) == len(mesh.tets)
+
+
+@pytest.mark.parametrize(
+    ("label", "tissue", "options", "text"),
+    [
+        (None, (), {}, "there is none"),
+        (None, (SOFT, STIFF), {}, "does not say which"),
+        (2, (SOFT, STIFF), {}, "labels from 0 to 2 but 2 tissues"),
+        (-1, (SOFT, STIFF), {}, "labels from -1"),
+        (None, SOFT, {"weights": "volume", "energy": "neo-hookean"}, "leave it out"),
+    ],
+)
+def test_refuses(label: int | None, tissue: Any, options: Any, text: str) -> None:
+    mesh = block((2, 2, 2))
+    if label is not None:
+        mesh = replace(mesh, tissue=np.where(np.arange(len(mesh.tets)) == 3, label, 0).astype(np.int8))
+    with pytest.raises(InputError, match=text) as caught:
+        model_of(mesh, tissue, **options)
+    assert "\n" not in str(caught.value)
