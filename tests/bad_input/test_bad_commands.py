@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from support.asserting import forbid_meshing
-from support.biplanar import biplanar, write_film
+from support.biplanar import biplanar, write_films
 from support.breaking import content, ply
 from support.report_results import write_small_result
 from support.small_case import small_case
@@ -174,15 +174,6 @@ def test_what_a_command_cannot_take_is_refused_before_any_work(case, refused, tm
     assert sorted(path for path in tmp_path.rglob("*") if path.name != "out") == before
 
 
-def films(folder: Path) -> list[str]:
-    """Two good films and their flags."""
-    flags = []
-    for flag, film in zip(("pa", "lateral"), biplanar(small_case().landmarks_before), strict=True):
-        write_film(folder / f"{flag}.csv", folder / f"{flag}.txt", film)
-        flags += [f"--{flag}", str(folder / f"{flag}.csv"), f"--{flag}-matrix", str(folder / f"{flag}.txt")]
-    return flags
-
-
 FILMS = [
     ("no film", "pa.csv", None, "pa.csv: there is no such file"),
     ("a column less", "pa.csv", "name,u\na,1\n", "the first line must name the columns name,u,v"),
@@ -197,7 +188,7 @@ FILMS = [
 @pytest.mark.parametrize("row", FILMS, ids=lambda row: row[0])
 def test_broken_films_are_refused(refused, tmp_path, row):
     _, name, text, *fragments = row
-    flags = films(tmp_path)
+    flags = write_films(tmp_path, biplanar(small_case().landmarks_before))
     (tmp_path / name).unlink()
     if text is not None:
         (tmp_path / name).write_text(text)

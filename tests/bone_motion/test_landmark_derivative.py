@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from support.known_spine import with_errors
+from support.meshes import nodes_of_bones
 from warp_trunk.bone_motion.articulation import bone_motions, spine_features
 from warp_trunk.bone_motion.prescribed_motion import rigid_derivative, sets_around, spline_derivative
 from warp_trunk.bone_motion.rib_cage import ends
@@ -11,7 +12,6 @@ from warp_trunk.bone_motion.skeleton import Skeleton
 from warp_trunk.case.case import Pose
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.rib_coupling import RibCoupling
-from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.rigid import NamedMotions
 from warp_trunk.geometry.spline import fit_spline
 from warp_trunk.geometry.surface import Surface
@@ -81,7 +81,7 @@ def test_landmarks_with_errors() -> None:
 def compare(bones: dict[str, Surface], before: Landmarks, after: Landmarks, pose: Pose) -> None:
     """The derivative of each bone's motion in two directions of all landmarks, against central differences."""
     random = np.random.default_rng(1)
-    trunk, owner = mesh_of(bones)
+    trunk = nodes_of_bones(bones, 20)
     skeleton = Skeleton(bones, before)
     features = spine_features(skeleton, before.points, after.points)
 
@@ -89,7 +89,7 @@ def compare(bones: dict[str, Surface], before: Landmarks, after: Landmarks, pose
         return bone_motions(skeleton, before, after, RibCoupling(), pose=pose, features=features)
 
     weights = random.normal(size=(len(bones), *trunk.nodes.shape))
-    weights *= (owner == np.arange(len(bones))[:, None])[:, :, None]
+    weights *= (trunk.bone == np.arange(len(bones))[:, None])[:, :, None]
     around = motions(*sets_around(before.points, after.points))
     by_before, by_after = rigid_derivative(trunk, around)(weights)
     ways = random.normal(size=(2, 2, *before.points.shape))
@@ -127,11 +127,3 @@ def test_bones_that_the_spline_carries() -> None:
     wanted = np.tensordot(weights, ends[0] - ends[1], axes=2) / (2.0 * STEP)
     found = np.tensordot(by_before, way[0], axes=2) + np.tensordot(by_after, way[1], axes=2)
     np.testing.assert_allclose(found, wanted, rtol=1e-4, atol=1e-4 * np.abs(wanted).max())
-
-
-def mesh_of(bones: dict[str, Surface]) -> tuple[TrunkMesh, np.ndarray]:
-    """Some vertices of each bone as nodes, and whose they are."""
-    points = [bone.vertices[::20] for bone in bones.values()]
-    owner = np.repeat(np.arange(len(bones)), [len(some) for some in points])
-    tets = np.empty((0, 4), dtype=np.int32)
-    return TrunkMesh(np.vstack(points), tets, NO_FACES[:, 0], NO_FACES, owner, tuple(bones), NO_FACES), owner

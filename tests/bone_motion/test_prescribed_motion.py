@@ -1,9 +1,11 @@
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from support.meshes import trunk
 from support.synthetic import shell_trunk
 from warp_trunk.bone_motion.prescribed_motion import (
     PrescribedMotion,
@@ -13,7 +15,6 @@ from warp_trunk.bone_motion.prescribed_motion import (
     rigid_path,
     spline_path,
 )
-from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.rigid import RigidMotion
 
 RNG = np.random.default_rng(3)
@@ -84,14 +85,10 @@ def test_nodes_on_bone_go_where_they_are_told() -> None:
 
 # one tetrahedron between two bones, one with a free corner
 FIVE = np.array([[0.0, 0, 0], [10, 0, 0], [0, 10, 0], [0, 0, 10], [0, 0, -10]])
-TWO_TETS = TrunkMesh(
-    nodes=FIVE,
-    tets=np.array([[0, 1, 2, 3], [0, 2, 1, 4]], dtype=np.int32),
-    skin_nodes=np.empty(0, dtype=np.int32),
-    skin_faces=np.empty((0, 3), dtype=np.int32),
+TWO_TETS = replace(
+    trunk(FIVE, np.array([[0, 1, 2, 3], [0, 2, 1, 4]]), np.arange(4)),
     bone=np.array([0, 0, 0, 1, -1], dtype=np.int32),
     bone_names=("T8", "T9"),
-    bone_faces=np.empty((0, 3), dtype=np.int32),
 )
 
 

@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 from voxelise_case import write_labels
 
-from support.biplanar import biplanar, write_film
+from support.biplanar import biplanar, write_films
 from support.blocks import VERTEBRA, blocks, moved, spine_and_hips
 from support.label_maps import LEVELS, NAMES, NUMBERS, labels, write_map
 from warp_trunk.case import read_case, read_checked_case, write_case
@@ -60,15 +60,6 @@ def test_refuses_a_bad_place_of_the_picture_before_any_work(folder, picture, cur
     out = folder / "found.csv"
     refused(["landmarks", folder, "--out", out, "--picture", folder / picture], cure)
     assert not out.exists()
-
-
-def write_films(folder, films) -> list[str]:
-    flags = []
-    for flag, film in zip(("pa", "lateral"), films, strict=True):
-        points, matrix = folder / f"{flag}.csv", folder / f"{flag}.txt"
-        write_film(points, matrix, film)
-        flags += [f"--{flag}", str(points), f"--{flag}-matrix", str(matrix)]
-    return flags
 
 
 def test_triangulate_writes_landmarks_that_a_case_reads(tmp_path, capsys) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from support.synthetic import box, sphere
+from support.synthetic import box, grid_faces, sphere
 from support.trunk_shapes import joined
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import coarsen, without_slivers
@@ -120,11 +120,8 @@ def test_sheets_with_a_narrow_gap_do_not_cross_and_rings_stay_rings():
     u, v = np.meshgrid(np.arange(120) * 2 * np.pi / 120, np.arange(40) * 2 * np.pi / 40, indexing="ij")
     ring = 26.0 + 5.0 * np.cos(v)
     points = np.stack([ring * np.cos(u), ring * np.sin(u), 5.0 * np.sin(v)], axis=-1).reshape(-1, 3)
-    n = np.arange(4800).reshape(120, 40)
-    a, b = n, np.roll(n, -1, axis=0)
-    c, d = np.roll(b, -1, axis=1), np.roll(n, -1, axis=1)
-    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
-    both = joined(Surface(points, faces.astype(np.int32)), sphere(20.6, subdivisions=5))
+    rows = grid_faces(121, 40, closed=True)[:, ::-1] % 4800  # the last row is the first
+    both = joined(Surface(points, rows), sphere(20.6, subdivisions=5))
     check_solid(both, "before")
     coarse = coarsen(both, 12.0, 2.0)
     check_solid(coarse, "after")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from support.asserting import there
-from support.synthetic import sphere
+from support.synthetic import grid_faces, sphere
 from support.trunk_shapes import LEVELS, ellipse, joined, spine, tube, twisted
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
@@ -177,9 +177,7 @@ def sheet(cells: int = 10) -> Surface:
     """A square sheet of the back at y = 60 of so many cells of 10 mm each way, its edges 10 and 14.1 mm long."""
     x, z = np.meshgrid(10.0 * np.arange(cells + 1) - 5.0 * cells, 10.0 * np.arange(cells + 1))
     points = np.column_stack([x.ravel(), np.full(x.size, 60.0), z.ravel()])
-    corner = (np.arange(cells)[:, None] * (cells + 1) + np.arange(cells)).ravel()
-    a, b, c, d = corner, corner + 1, corner + cells + 2, corner + cells + 1
-    return Surface(points, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]).astype(np.int32))
+    return Surface(points, grid_faces(cells + 1, cells + 1))
 
 
 def folded(surface: Surface, degrees: float) -> Surface:

@@ -8,6 +8,7 @@ import pytest
 
 from support.asserting import there
 from support.known_spine import BODY, DISC, LEVELS, known_spine
+from support.synthetic import grid_faces
 from support.trunk_shapes import ASIS, LEFT, ellipse, rotation, spine, tube, with_points
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
@@ -293,14 +294,14 @@ def trunk(depths, places):
     y = np.broadcast_to(100.0 * np.sin(around), x.shape)
     points = np.stack([x, y, np.broadcast_to(HEIGHTS[:, None], x.shape)], axis=-1).reshape(-1, 3)
     number = np.arange(len(points)).reshape(x.shape)
-    a, b = number[:-1], np.roll(number[:-1], -1, axis=1)
-    c, d = np.roll(number[1:], -1, axis=1), number[1:]
-    sides = [np.stack(three, axis=-1).reshape(-1, 3) for three in ((a, b, c), (a, c, d))]
+    low, high = number[0], number[-1]
     ends = [np.stack(np.broadcast_arrays(len(points) + k, *pair), axis=-1) for k, pair in enumerate(
-        ((b[0], a[0]), (d[-1], c[-1]))
+        ((np.roll(low, -1), low), (high, np.roll(high, -1)))
     )]  # fmt: skip
     tips = [[0.0, 0.0, HEIGHTS[0]], [0.0, 0.0, HEIGHTS[-1]]]
-    return Surface(np.concatenate([points, tips]), np.concatenate([*sides, *ends]).astype(np.int32))
+    return Surface(
+        np.concatenate([points, tips]), np.concatenate([grid_faces(*x.shape, closed=True), *ends]).astype(np.int32)
+    )
 
 
 def test_depth_and_height_of_each_side_are_those_of_its_notch():

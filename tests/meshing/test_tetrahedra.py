@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from support.meshes import grid
-from support.synthetic import box, sphere
+from support.synthetic import box, grid_faces, sphere
 from support.trunk_shapes import joined
 from warp_trunk.engine.trunk_mesh import tet_volumes
 from warp_trunk.errors import InputError
@@ -90,8 +90,7 @@ def test_cavity_points_are_inside_a_thin_bent_bone():
     ring = 40.0 + 1.5 * np.cos(v)
     points = np.stack([ring * np.cos(u), ring * np.sin(u), 1.5 * np.sin(v)], axis=-1).reshape(-1, 3)
     n = np.arange(480).reshape(40, 12)
-    a, b, c, d = n[:-1], n[1:], np.roll(n, -1, axis=1)[1:], np.roll(n, -1, axis=1)[:-1]
-    faces = [np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)]
+    faces = [grid_faces(40, 12, closed=True)[:, ::-1]]
     faces += [np.array([[n[0, 0], n[0, k], n[0, k + 1]] for k in range(1, 11)])]
     faces += [np.array([[n[-1, 0], n[-1, k + 1], n[-1, k]] for k in range(1, 11)])]
     bent = Surface(points, np.concatenate(faces).astype(np.int32))

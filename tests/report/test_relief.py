@@ -5,6 +5,7 @@ import pytest
 
 from support.known_spine import BODY, known_spine
 from support.small_trunk import small_landmarks
+from support.synthetic import grid_faces
 from support.trunk_shapes import flat_back, tube
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
@@ -32,14 +33,9 @@ def turned_about_z(points, degrees, shift=(0.0, 0.0, 0.0)):
 def sheet(depth):
     """A closed skin, 240 mm wide and 420 mm high, whose back has the depth (mm) of a function of x and z."""
     x, z = np.meshgrid(np.linspace(-120.0, 120.0, 121), np.linspace(0.0, 420.0, 43), indexing="ij")
-    number = np.arange(x.size).reshape(x.shape)
-    a, b, c, d = (number[i, j].ravel() for i, j in (
-        (slice(None, -1), slice(None, -1)), (slice(1, None), slice(None, -1)),
-        (slice(1, None), slice(1, None)), (slice(None, -1), slice(1, None)),
-    ))  # fmt: skip
     back = np.column_stack([x.ravel(), depth(x, z).ravel(), z.ravel()])
     front = back * [1.0, 0.0, 1.0] - [0.0, 90.0, 0.0]
-    outward = np.concatenate([np.column_stack([a, c, b]), np.column_stack([a, d, c])])
+    outward = grid_faces(*x.shape)
     faces = np.concatenate([outward, outward[:, ::-1] + x.size])
     return Surface(np.concatenate([back, front]), faces.astype(np.int32))
 

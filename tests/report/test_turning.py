@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from support.synthetic import grid_faces
+
 pytest.importorskip("playwright", reason="playwright is not installed (uv sync installs it)")
 from playwright.sync_api import Page, sync_playwright
 
@@ -28,10 +30,7 @@ from warp_trunk.results import read_result
 
 def test_twenty_thousand_vertices_take_less_than_a_megabyte_and_a_half() -> None:
     turn, up = np.meshgrid(np.linspace(0, 2 * np.pi, 200, endpoint=False), np.linspace(0, 600, 100))
-    number = np.arange(20_000).reshape(100, 200)
-    a, b = number[:-1], np.roll(number[:-1], -1, axis=1)
-    c, d = np.roll(number[1:], -1, axis=1), number[1:]
-    faces = np.concatenate([np.stack(three, axis=-1).reshape(-1, 3) for three in ((a, b, c), (a, c, d))])
+    faces = grid_faces(100, 200, closed=True)
     random = np.random.default_rng(1)
     states = []
     for wave in (0.0, 20.0, 25.0, 15.0):

@@ -1,6 +1,5 @@
 """How sure a prediction says it is, and the sources of its errors, against simulations and bones moved again."""
 
-from collections.abc import Mapping
 from dataclasses import fields, replace
 from functools import cache
 
@@ -8,6 +7,7 @@ import numpy as np
 import pytest
 
 from support.asserting import there
+from support.meshes import nodes_of_bones
 from support.phantoms import whole_phantom
 from support.small_trunk import boned_case
 from warp_trunk.bone_motion.prescribed_motion import spline_path
@@ -17,7 +17,7 @@ from warp_trunk.case.uncertainty import FACTORS, Uncertainty
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.spline import spline_response
-from warp_trunk.geometry.surface import Surface, vertex_normals
+from warp_trunk.geometry.surface import vertex_normals
 from warp_trunk.measures import cobb_angles, measure
 from warp_trunk.measures.cobb import curves_after, kyphosis
 from warp_trunk.measures.quantities import MeasureTable
@@ -209,7 +209,6 @@ def test_one_error_alone_is_its_own_pattern() -> None:
 
 DEROTATED = SpineCurve(cobb=20.0, apical_rotation=1.0)
 """Screws turn it further than goes with the curve."""
-NONE = np.empty((0, 3), dtype=np.int32)
 
 
 @cache
@@ -217,14 +216,7 @@ def curved() -> tuple[Case, TrunkMesh]:
     """A case with few nodes on its bones, and no tissue."""
     skin, straight, landmarks = straight_trunk()
     skin, bones, before = impose(skin, straight, landmarks, SpineCurve(cobb=40.0))
-    return Case("curved", skin, bones, before, correct(landmarks, DEROTATED, 0.0)), few_nodes(bones)
-
-
-def few_nodes(bones: Mapping[str, Surface]) -> TrunkMesh:
-    nodes = [bone.vertices[::40] for bone in bones.values()]
-    owner = np.repeat(np.arange(len(nodes)), [len(own) for own in nodes])
-    tets = np.empty((0, 4), dtype=np.int32)
-    return TrunkMesh(np.vstack(nodes), tets, NONE[:, 0], NONE, owner, tuple(bones), NONE)
+    return Case("curved", skin, bones, before, correct(landmarks, DEROTATED, 0.0)), nodes_of_bones(bones, 40)
 
 
 @cache

@@ -35,3 +35,13 @@ def write_film(points: Path, matrix: Path, film: Film) -> None:
     rows = [f"{name},{u!r},{v!r}" for name, (u, v) in zip(film.names, film.points.tolist(), strict=True)]
     points.write_text("\n".join(["name,u,v", *rows]))
     np.savetxt(matrix, film.projection, fmt="%.17g")
+
+
+def write_films(folder: Path, films: tuple[Film, Film]) -> list[str]:
+    """Both films in a folder, and the flags that name them to triangulate."""
+    flags = []
+    for flag, film in zip(("pa", "lateral"), films, strict=True):
+        points, matrix = folder / f"{flag}.csv", folder / f"{flag}.txt"
+        write_film(points, matrix, film)
+        flags += [f"--{flag}", str(points), f"--{flag}-matrix", str(matrix)]
+    return flags

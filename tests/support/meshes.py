@@ -1,11 +1,13 @@
 """Small trunks for tests: blocks of tetrahedra with some nodes on bone."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
 
 from warp_trunk.engine.trunk_mesh import TrunkMesh
+from warp_trunk.geometry.surface import Surface
 
 
 def trunk(nodes: np.ndarray, tets: np.ndarray, prescribed: np.ndarray) -> TrunkMesh:
@@ -96,3 +98,11 @@ def rotate(points: np.ndarray, degrees: float, axis: tuple[float, float, float] 
     """Points turned about the axis through their centroid."""
     centre = points.mean(axis=0)
     return (points - centre) @ rotation(degrees, axis).T + centre
+
+
+def nodes_of_bones(bones: Mapping[str, Surface], every: int) -> TrunkMesh:
+    """Vertices of each bone, one of so many, without tissue."""
+    points = [bone.vertices[::every] for bone in bones.values()]
+    owner = np.repeat(np.arange(len(points)), [len(own) for own in points])
+    mesh = trunk(np.vstack(points), np.empty((0, 4)), owner >= 0)
+    return replace(mesh, bone=owner, bone_names=tuple(bones))

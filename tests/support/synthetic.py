@@ -14,6 +14,18 @@ def sphere(radius: float, centre: tuple[float, float, float] = (0.0, 0.0, 0.0), 
     return Surface(np.asarray(ball.vertices) + centre, np.asarray(ball.faces, dtype=np.int32))
 
 
+def grid_faces(rows: int, columns: int, closed: bool = False) -> np.ndarray:
+    """Two triangles on each cell of a grid of nodes, row by row; `closed` joins the last column to the first.
+
+    A cell has the corners a and b in one row, d and c in the next: the triangles a, b, c and a, c, d.
+    """
+    number = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
+    if closed:
+        number = np.column_stack([number, number[:, 0]])
+    a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
+    return np.concatenate([np.stack(three, axis=-1).reshape(-1, 3) for three in ((a, b, c), (a, c, d))])
+
+
 def box(
     size: tuple[float, float, float], centre: tuple[float, float, float] = (0.0, 0.0, 0.0), splits: int = 0
 ) -> Surface:

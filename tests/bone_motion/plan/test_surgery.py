@@ -229,11 +229,8 @@ LEFT = {"T1": 45.0, "T5": 50.0, "T12": -4.0, "L4": 6.0, "L5": 6.0}
 
 
 def case(left: dict[str, float] | None = LEFT, right: dict[str, float] | None = RIGHT) -> Case:
-    return Case(
-        "bends",
-        Surface(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32)),
-        {},
-        known_spine(to_left=STANDING),
+    return replace(
+        case_of(known_spine(to_left=STANDING)),
         bending_left=None if left is None else known_spine(to_left=left),
         bending_right=None if right is None else known_spine(to_left=right),
     )
@@ -274,7 +271,7 @@ SPINE = known_spine(
     back={"T1": -20.0, "T5": -15.0, "T12": 15.0, "L1": 15.0, "L5": -15.0},
     turned={"T4": 0.0, "T8": 18.0, "T12": 0.0},
 )
-CASE = Case("spine", Surface(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32)), {}, SPINE)
+CASE = case_of(SPINE)
 
 
 def refusal(plan: Plan) -> str:

@@ -17,7 +17,6 @@ from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.preparation.deformity import SpineCurve, correct, impose, make_case
 from warp_trunk.preparation.deformity.deformity import SKIN_SHARES, check_straight, guiding_points, guiding_skin
@@ -73,10 +72,6 @@ def test_hump_stands_on_the_convex_side() -> None:
     spine = landmarks.of_bone("T9").points[:, 0].mean()
     right, left = (back[(side * (back[:, 0] - spine) > 20.0)][:, 1].max() for side in (-1.0, 1.0))
     assert right > left + 4.0
-
-
-def test_skin_does_not_cross_itself() -> None:
-    assert len(crossings(IMPOSED[0])) == 0
 
 
 def test_curve_that_folds_the_trunk_is_refused() -> None:
