@@ -234,7 +234,7 @@ def part_folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("part") / "case"
     write_case(folder, part_case(front=Motion(translation=(0.0, -1.0, 0.0))))
     for name, said in FILES.items():
-        (folder / name).write_said(said)
+        (folder / name).write_text(said)
     return folder
 
 
