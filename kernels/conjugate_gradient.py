@@ -84,7 +84,7 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         if i < outcome.shape[0]:
             outcome[i] = wp.float64(0.0)
         if i == 0:
-            iteration[0] = 0
+            iteration[0] = -1  # it is counted where the preconditioner is applied
             running[0] = 1
 
     @wp.kernel(module=module, enable_backward=False)
@@ -175,14 +175,10 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         solution: wp.array(dtype=scalar),
         residual: wp.array(dtype=scalar),
     ):
-        """x += alpha p, r -= alpha q, a loop over the nodes of the range."""
-        alpha = find_alpha(r_dot_z, p_dot_q, iteration[0], ranges)
-        step_along_search(first, end, scalar(alpha), search, product, solution, residual)
-
-    @wp.kernel(module=module, enable_backward=False)
-    def count_kernel(iteration: wp.array(dtype=wp.int32)):
-        """Counts the iteration just done; a launch of its own, since the products' rows follow it at once."""
-        iteration[0] = iteration[0] + 1
+        """x += alpha p, r -= alpha q but before the first iteration, a loop over the nodes of the range."""
+        if iteration[0] >= 0:
+            alpha = find_alpha(r_dot_z, p_dot_q, iteration[0], ranges)
+            step_along_search(first, end, scalar(alpha), search, product, solution, residual)
 
     @wp.kernel(module=module, enable_backward=False)
     def measure_kernel(
@@ -271,7 +267,6 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         start=start_kernel,
         update_search=update_search_kernel,
         update_solution=update_solution_kernel,
-        count=count_kernel,
         measure=measure_kernel,
         test_convergence=test_convergence_kernel,
     )

@@ -169,6 +169,8 @@ PROLONG = """
         const real* r = x + 3 * i;
         four z = r[0] * three(m) + r[1] * three(m + 3) + r[2] * three(m + 6);
         for (wp::int32 k = 8 * i; k < 8 * i + 8; ++k) z += w[k] * *(const loose*)(from + 3 * at[k]);
+        const wp::int32 member = member_of.data ? member_of.data[i] : -1;
+        if (member >= 0) z += three((const real*)group_correction.data + 3 * member);
         y[3 * i] = z[0];
         y[3 * i + 1] = z[1];
         y[3 * i + 2] = z[2];
@@ -201,6 +203,7 @@ DENSE = """
             solution.data[16 * b + 8 + l] = s[16 * b + 8 + l] * high[l];
         }
     }
+    if (first == 0) iteration.data[0] += 1;
 """
 
 
@@ -233,12 +236,17 @@ def cpu_grid_kernels(scalar: type) -> SimpleNamespace:
         vertex: wp.array(dtype=vec8i),
         weight: wp.array(dtype=vec8),
         coarse: wp.array(dtype=vec3),
+        member_of: wp.array(dtype=wp.int32),
+        group_correction: wp.array(dtype=vec3),
         residual: wp.array(dtype=vec3),
         correction: wp.array(dtype=vec3),
         iteration: wp.array(dtype=wp.int32),
         products: wp.array(dtype=wp.float64, ndim=2),
     ):
-        """z = D^-1 r + P z_coarse, and this range's part of r . z, kept by iteration; `coarse` has one more."""
+        """z = D^-1 r + P z_coarse, with r . z, kept by iteration, and on the nodes the groups' correction.
+
+        `coarse` has one more; other points are no members of groups.
+        """
 
     @native_kernel(module, types + DENSE)
     def dense(
@@ -250,8 +258,12 @@ def cpu_grid_kernels(scalar: type) -> SimpleNamespace:
         scale: wp.array(dtype=scalar),
         residual: wp.array(dtype=scalar),
         solution: wp.array(dtype=scalar),
+        iteration: wp.array(dtype=wp.int32),
     ):
-        """S A S r of strips, A in parts of `WHOLE`: of each strip column after column."""
+        """S A S r of strips, A in parts of `WHOLE`: of each strip column after column.
+
+        It counts the iteration, too, because here its number is not read.
+        """
 
     return SimpleNamespace(restrict=restrict, prolong=prolong, dense=dense)
 
@@ -402,7 +414,6 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         first: int,
         end: int,
         slab: int,
-        steps: int,
         iteration: wp.array(dtype=wp.int32),
         r_dot_z: wp.array(dtype=wp.float64, ndim=2),
         p_dot_q: wp.array(dtype=wp.float64, ndim=2),
@@ -412,11 +423,11 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         r: wp.array(dtype=scalar),
         residual: wp.array(dtype=scalar),
     ):
-        """x += alpha p and r -= alpha q where the iteration `steps`; a copy of r with four numbers a node."""
+        """x += alpha p and r -= alpha q but before the first iteration; a copy of r with four numbers a node."""
         k = first + wp.tid()
         if k < end:
             own = r[k]
-            if steps == 1:
+            if iteration[0] >= 0:
                 alpha = scalar(find_alpha(r_dot_z, p_dot_q, iteration[0], 1))
                 own -= alpha * q[k]
                 r[k] = own
@@ -436,10 +447,10 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         inverse_diagonal: wp.array(dtype=mat33),
         scale: wp.array(dtype=wp.vec3f),
         residual: wp.array(dtype=vec4),
+        group_of_member: wp.array(dtype=wp.int32),
         first_of_group: wp.array(dtype=wp.int32),
         start_of_group: wp.array(dtype=wp.int32),
         node_of_member: wp.array(dtype=wp.int32),
-        group_of_member: wp.array(dtype=wp.int32),
         inverse_of_group: wp.array(dtype=scalar),
         group_correction: wp.array(dtype=vec3),
         coarsest_residual: wp.array(dtype=wp.vec3f),
@@ -502,7 +513,6 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         first: int,
         end: int,
         slab: int,
-        steps: int,
         inverse: wp.array(dtype=wp.float16, ndim=2),
         scale: wp.array(dtype=wp.float32),
         residual: wp.array(dtype=wp.float32),
@@ -519,7 +529,7 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         if item < end and item % ROW_LANES == 0:
             correction[4 * (row // 3) + row % 3] = scalar(scale[row] * value)
         if item == 0:
-            iteration[0] = iteration[0] + steps
+            iteration[0] = iteration[0] + 1
 
     @wp.kernel(module=module, enable_backward=False)
     def prolong_kernel(

@@ -1,15 +1,15 @@
 """The inverses of the blocks of nodes that stiff links tie, and their part of the preconditioner.
 
 The nodes of group g are `nodes[first[g]]` to the next group's first; its block, row after row, starts at
-`start[g]`. On CUDA a warp inverts a block, each of its threads a column in registers, and the launches of the
-grids apply the inverses; on the CPU a range of groups is a loop in C++."""
+`start[g]`. On CUDA a warp inverts a block, each of its threads a column in registers, and the restriction to
+the grids applies the inverses; on the CPU a range of groups is a loop in C++."""
 
 from functools import cache
 from types import SimpleNamespace
 
 import warp as wp
 
-from .native import KEEP_PRODUCT, native_kernel
+from .native import native_kernel
 
 MEMBERS = 8
 """Most nodes of a group."""
@@ -92,8 +92,7 @@ INVERT_ON_CPU = f"""
     }}
 """
 
-APPLY_ON_CPU = f"""
-    double product = 0.0;
+CORRECT_ON_CPU = f"""
     for (int group = first; group < end; ++group) {{
         {GROUP}
         const real* row = inverse.data + at;
@@ -102,8 +101,7 @@ APPLY_ON_CPU = f"""
         for (int i = 0; i < size; ++i, row += size) {{
             real sum = 0;
             for (int j = 0; j < size; ++j) sum += row[j] * x[j];
-            correction.data[nodes.data[own + i / 3]][i % 3] += sum;
-            product += x[i] * sum;
+            correction.data[own + i / 3][i % 3] = sum;
         }}
     }}
 """
@@ -111,7 +109,7 @@ APPLY_ON_CPU = f"""
 
 @cache
 def node_group_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
-    """The kernels `invert` and, on the CPU, `apply` in one precision; `invert` has WARP items a group on CUDA."""
+    """The kernels `invert`, which has WARP items a group on CUDA, and, on the CPU, `correct` in one precision."""
     vec3, mat33 = wp.types.vector(3, scalar), wp.types.matrix((3, 3), scalar)
     module = f"node_groups_{scalar.__name__}_{'cuda' if cuda else 'cpu'}"
     real = f"typedef {'float' if scalar is wp.float32 else 'double'} real;\n"
@@ -131,8 +129,8 @@ def node_group_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     ):
         """The inverse of each group's block, less the inverses of its nodes' own blocks."""
 
-    @native_kernel(module, real + APPLY_ON_CPU + KEEP_PRODUCT)
-    def apply(
+    @native_kernel(module, real + CORRECT_ON_CPU)
+    def correct(
         first: int,
         end: int,
         slab: int,
@@ -142,9 +140,7 @@ def node_group_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         inverse: wp.array(dtype=scalar),
         residual: wp.array(dtype=vec3),
         correction: wp.array(dtype=vec3),
-        iteration: wp.array(dtype=wp.int32),
-        products: wp.array(dtype=wp.float64, ndim=2),
     ):
-        """Adds that matrix times the residual to the correction of the groups' nodes, and to r . z, on the CPU."""
+        """That matrix times the residual of the members of each group, on the CPU."""
 
-    return SimpleNamespace(invert=invert, apply=apply)
+    return SimpleNamespace(invert=invert, correct=correct)

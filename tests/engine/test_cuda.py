@@ -12,8 +12,8 @@ from support.continuum import Continuum
 from support.meshes import block_with_bone, rotate, with_skin
 from support.models import evaluated, gradient_of, half_and_half, model_of, relax, settle, upper_blocks
 from support.reference import Reference
-from warp_trunk.engine import multigrid
-from warp_trunk.engine.linear import WINDOW, BlockMatrix, ConjugateGradient, Dots
+from warp_trunk.engine import grids
+from warp_trunk.engine.linear import WINDOW, BlockMatrix, ConjugateGradient, Iterates
 from warp_trunk.engine.multigrid import Multigrid
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.state import State
@@ -108,7 +108,7 @@ def stretched(device: str, precision: str) -> tuple[State, BlockMatrix]:
 @NEEDS_CPU
 def test_cpu_and_cuda_solve_alike(finest_spacing: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same solution to the last digits, and as much work for it."""
-    monkeypatch.setattr(multigrid, "FINEST_SPACING", finest_spacing)
+    monkeypatch.setattr(grids, "FINEST_SPACING", finest_spacing)
     solutions, iterations = [], []
     for device in ("cpu", "cuda:0"):
         state, matrix = stretched(device, "float64")
@@ -124,19 +124,20 @@ def test_cpu_and_cuda_solve_alike(finest_spacing: float, monkeypatch: pytest.Mon
 def test_the_preconditioner_is_symmetric_and_positive(
     precision: str, tolerance: float, finest_spacing: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(multigrid, "FINEST_SPACING", finest_spacing)
+    monkeypatch.setattr(grids, "FINEST_SPACING", finest_spacing)
     state, matrix = stretched("cuda:0", precision)
     model, generator = state.model, np.random.default_rng(3)
-    r, z, dots = model.free_vectors(), model.free_vectors(), Dots.zero(model)
-    apply = Multigrid(matrix).apply(r, z, dots)
+    at = Iterates.zero(model, 1)
+    apply = Multigrid(matrix).step_and_apply(at)
     given = [generator.normal(size=(model.free_nodes, 3)) for _ in range(2)]
     found, products = [], []
     for vectors in given:
-        r.assign(vectors)
-        dots.products.zero_()
+        at.residual.assign(vectors)
+        at.r_dot_z.iteration.fill_(-1)
+        at.r_dot_z.products.zero_()
         apply()
-        found.append(z.numpy().astype(float))
-        products.append(float(dots.products.numpy().sum()))
+        found.append(at.preconditioned.numpy().astype(float))
+        products.append(float(at.r_dot_z.products.numpy().sum()))
     across = [float(np.vdot(given[i], found[1 - i])) for i in range(2)]
     assert across[0] == pytest.approx(across[1], abs=tolerance * products[0])
     for vectors, solved, product in zip(given, found, products, strict=True):

@@ -11,7 +11,15 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warp_trunk.engine.parallel import Parallel, choose_device, choose_threads, in_sequence, quota, usable_cores
+from warp_trunk.engine.parallel import (
+    Parallel,
+    beside,
+    choose_device,
+    choose_threads,
+    in_sequence,
+    quota,
+    usable_cores,
+)
 from warp_trunk.errors import InputError
 
 
@@ -98,7 +106,7 @@ def test_a_loop_does_its_launches_one_after_the_other(threads: int) -> None:
         parallel.record(pass_on_kernel, size, [a], [b], least=1) for a, b in ((one, other), (other, one))
     )
     count = parallel.record_undivided(count_down_kernel, 1, [], [left])
-    run = parallel.graph(parallel.repeat(left, in_sequence(there, back, count)))
+    run = parallel.graph(parallel.repeat(left, in_sequence(beside(count, there), back)))
     one.assign(np.arange(size, dtype=np.int32))
     for done in (1, 2):
         left.fill_(turns)

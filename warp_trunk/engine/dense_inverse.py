@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 
 import numpy as np
+import warp as wp
 
-from warp_trunk.kernels.multigrid import KEPT, OCTET
+from warp_trunk.kernels.multigrid import KEPT, OCTET, STRIP, WHOLE, cpu_grid_kernels
+
+from .model import Model
+from .parallel import Launch, view
 
 SHIFT, IDLE_SHIFT = 1e-6, 1e-3
 """Addition to a unit diagonal; and where a grid has vertices with next to no nodes, whose directions, 1e6
@@ -76,3 +81,37 @@ def in_half_precision(inverse: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     numbers[:, : len(inverse)] = inverse * (KEPT / scale[:, None]) / scale
     np.fill_diagonal(numbers, 1.0)
     return numbers, scale
+
+
+class DenseProduct:
+    """The product with the inverse on the CPU.
+
+    Of S A S, with ones on the diagonal of A, it keeps A in parts of WHOLE, in 16 bits: a preconditioner needs no
+    more digits, and the product is limited by the reading of the matrix.
+    """
+
+    strips: wp.array
+    """A strip after strip of STRIP rows, each column after column, int16."""
+
+    def __init__(self, model: Model, inverse: np.ndarray) -> None:
+        """Uploads the inverse, shape (n, n)."""
+        self._model, self._size = model, len(inverse)
+        size, rows = self._size, -(-self._size // STRIP) * STRIP
+        root = np.sqrt(np.maximum(np.diagonal(inverse), np.finfo(np.float32).tiny))
+        numbers = np.zeros((rows, size), dtype=np.int16)
+        numbers[:size] = np.rint(inverse * (KEPT * WHOLE / root)[:, None] / root)
+        np.fill_diagonal(numbers, WHOLE)
+        scale = np.zeros(rows)
+        scale[:size] = root / math.sqrt(WHOLE)
+        strips = numbers.reshape(-1, STRIP, size).transpose(0, 2, 1)
+        self.strips, self._scale = model.array(strips.ravel(), wp.int16), model.array(scale, model.scalar)
+
+    def record(self, residual: wp.array, solution: wp.array, iteration: wp.array) -> Launch:
+        """Records the product, and the counting of the iteration.
+
+        Both vectors are of shape (n / 3 + STRIP,), vec3, of which n / 3 count."""
+        model = self._model
+        x, y = (view(vectors, model.scalar, 3 * len(vectors)) for vectors in (residual, solution))
+        bounds = model.parallel.split(len(self._scale) // STRIP)
+        given = [self._size, self.strips, self._scale, x]
+        return model.parallel.record_loops(cpu_grid_kernels(model.scalar).dense, bounds, given, [y, iteration])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Protocol
@@ -71,19 +70,25 @@ class Iterates:
     p_dot_q: Dots
     """p . q."""
 
+    @classmethod
+    def zero(cls, model: Model, rows: int) -> Iterates:
+        """All of them zero, with room for the products of some iterations and none counted."""
+        iteration = model.array(np.array([-1]), wp.int32)
+        dots = (Dots.zero(model, iteration, rows) for _ in range(2))
+        return cls(*(model.free_vectors() for _ in range(5)), *dots)
+
+    def scalars(self, model: Model) -> list[Any]:
+        """The arguments of kernels of the CPU that find alpha or beta."""
+        return [model.parallel.ranges, self.r_dot_z.iteration, self.r_dot_z.products, self.p_dot_q.products]
+
 
 class Preconditioner(Protocol):
     """A symmetric positive definite M that is near the matrix and whose inverse is cheap to apply."""
 
-    def apply(self, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
-        """Records z = M^-1 r with r . z, for vectors of the free nodes, shape (free nodes,), vec3."""
-        ...
+    def step_and_apply(self, at: Iterates) -> Launch:
+        """Records x += alpha p and r -= alpha q, but before the first iteration, then z = M^-1 r with r . z.
 
-    def apply_with_steps(self, at: Iterates) -> tuple[Launch, Launch]:
-        """Records, on CUDA, where fewer launches are faster, `apply` and the same after a step.
-
-        The second is for the iterations: x += alpha p, r -= alpha q, then z = M^-1 r with r . z; it counts the
-        iteration and must follow the first.
+        It counts the iteration: fewer launches are faster.
         """
         ...
 
@@ -145,22 +150,28 @@ class BlockMatrix:
             )
         carried = model.zeros(wp.types.vector(4, model.scalar), len(p))
         given = [self.row_start, self.columns, self.blocks, p_dot_q.iteration, p]
-        return self.over_rows(cpu_product_kernel(model.scalar), given, [q, p_dot_q.products, carried])
-
-    def over_rows(self, kernel: Any, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
-        """Records a launch of a loop over the rows of each range, on the CPU.
-
-        A thread has the same rows in every launch: they stay in its cache.
-        """
-        return self.model.parallel.record(kernel, self.bounds, inputs, outputs, least=0, loops=True)
+        changed = [q, p_dot_q.products, carried]
+        return model.parallel.record_loops(cpu_product_kernel(model.scalar), self.bounds, given, changed)
 
     def update_search_and_multiply(self, at: Iterates) -> Launch:
-        """Records p = z + beta p and q = H p with p . q in one launch, on CUDA."""
+        """Records p = z + beta p and q = H p with p . q."""
         model, dots = self.model, at.r_dot_z
         z, p, q = (view(v, model.scalar, 3 * len(v)) for v in (at.preconditioned, at.search, at.product))
-        given = [self.row_start, self.columns, self._planes, dots.iteration, dots.products, at.preconditioned, z]
-        kernel = cuda_product_kernels(model.scalar).update_search_and_multiply
-        return model.parallel.record(kernel, LANES * model.free_nodes, given, [p, q, at.p_dot_q.products])
+        if model.parallel.is_cuda:
+            given = [self.row_start, self.columns, self._planes, dots.iteration, dots.products, at.preconditioned]
+            kernel = cuda_product_kernels(model.scalar).update_search_and_multiply
+            size = LANES * model.free_nodes
+            return model.parallel.record(kernel, size, [*given, z], [p, q, at.p_dot_q.products])
+        update_search = conjugate_gradient_kernels(*model.variant).update_search
+        update = model.parallel.record_loops(update_search, self.bounds, [*at.scalars(model), z], [p])
+        return in_sequence(update, self.multiply(at.search, at.product, at.p_dot_q))
+
+    def update_solution(self, at: Iterates) -> Launch:
+        """Records x += alpha p and r -= alpha q, but before the first iteration, on the CPU."""
+        model, kernels = self.model, conjugate_gradient_kernels(*self.model.variant)
+        p, q, x, r = (view(v, model.scalar, 3 * len(v)) for v in (at.search, at.product, at.solution, at.residual))
+        given = [*at.scalars(model), p, q]
+        return model.parallel.record_loops(kernels.update_solution, self.bounds, given, [x, r])
 
 
 class Outcome(Enum):
@@ -216,19 +227,16 @@ class ConjugateGradient:
         self.model = model = matrix.model
         ranges, parallel = model.parallel.ranges, model.parallel
         self._most_iterations = most_iterations
-        iteration, running = (model.zeros(wp.int32, 1) for _ in range(2))
-        rows = most_iterations + WINDOW + 1
-        r_dot_z, p_dot_q = (Dots.zero(model, iteration, rows) for _ in range(2))
+        at, running = Iterates.zero(model, most_iterations + WINDOW + 1), model.zeros(wp.int32, 1)
+        iteration, r_dot_z, p_dot_q = at.r_dot_z.iteration, at.r_dot_z.products, at.p_dot_q.products
         self._limits, outcome = model.zeros(wp.float64, 3), model.zeros(wp.float64, ITERATIONS + 1)
         self._set_limits: tuple[float, ...] = ()
         self._outcome, self._r_dot_z, self._p_dot_q = (
-            Readback(parallel, array) for array in (outcome, r_dot_z.products, p_dot_q.products)
+            Readback(parallel, array) for array in (outcome, r_dot_z, p_dot_q)
         )
-        x, r, z, p, q = (model.free_vectors() for _ in range(5))
-        self.solution, self.residual, self.search = x, r, p
-        iterates = Iterates(x, r, z, p, q, r_dot_z, p_dot_q)
-        record_iterations = _iterations_on_cuda if parallel.is_cuda else _iterations_on_cpu
-        precondition, iterate = record_iterations(matrix, preconditioner, iterates)
+        self.solution, self.residual, self.search = x, r, p = at.solution, at.residual, at.search
+        precondition = preconditioner.step_and_apply(at)
+        iterate = in_sequence(matrix.update_search_and_multiply(at), precondition)
         kernels = conjugate_gradient_kernels(*model.variant)
         earlier, measures = model.free_vectors(), model.zeros(wp.float64, ranges, PADDING)
         self._start = model.over_free(kernels.start, [gradient], [x, r, p, earlier])
@@ -236,11 +244,11 @@ class ConjugateGradient:
         self._test_convergence = parallel.record_undivided(
             kernels.test_convergence,
             1,
-            [ranges, most_iterations, self._limits, r_dot_z.products, p_dot_q.products, iteration],
+            [ranges, most_iterations, self._limits, r_dot_z, p_dot_q, iteration],
             [measures, outcome, running],
         )
-        size = math.prod(r_dot_z.products.shape)
-        flat = [view(dots.products, wp.float64, size) for dots in (r_dot_z, p_dot_q)]
+        size = math.prod(r_dot_z.shape)
+        flat = [view(products, wp.float64, size) for products in (r_dot_z, p_dot_q)]
         self._reset = parallel.record(kernels.reset, size, [], [*flat, iteration, outcome, running])
         self._amount, self.noise = model.zeros(wp.float64, 1), model.free_vectors()
         add_noise = model.over_free(vector_kernels(*model.variant).step, [self._amount, r, self.noise], [r])
@@ -323,33 +331,3 @@ class ConjugateGradient:
         count = int(self._outcome.read()[ITERATIONS])
         r_dot_z, p_dot_q = (each.read()[:count].sum(axis=1) for each in (self._r_dot_z, self._p_dot_q))
         return r_dot_z, p_dot_q
-
-
-def _iterations_on_cuda(
-    matrix: BlockMatrix, preconditioner: Preconditioner, at: Iterates
-) -> tuple[Launch, Launch]:
-    """Records z = M^-1 r, and an iteration, in the fewest launches."""
-    update_search_and_multiply = matrix.update_search_and_multiply(at)
-    precondition, update_solution_and_precondition = preconditioner.apply_with_steps(at)
-    return precondition, in_sequence(update_search_and_multiply, update_solution_and_precondition)
-
-
-def _iterations_on_cpu(matrix: BlockMatrix, preconditioner: Preconditioner, at: Iterates) -> tuple[Launch, Launch]:
-    """Records z = M^-1 r, and an iteration: p = z + beta p, q = H p, d += alpha p, r -= alpha q, z = M^-1 r."""
-    model = matrix.model
-    kernels, ranges = conjugate_gradient_kernels(*model.variant), model.parallel.ranges
-    iteration = at.r_dot_z.iteration
-    scalars = [ranges, iteration, at.r_dot_z.products, at.p_dot_q.products]
-    x, r, z, p, q = (
-        view(vectors, model.scalar, 3 * len(vectors))
-        for vectors in (at.solution, at.residual, at.preconditioned, at.search, at.product)
-    )
-    precondition = preconditioner.apply(at.residual, at.preconditioned, at.r_dot_z)
-    iterate = [
-        matrix.over_rows(kernels.update_search, [*scalars, z], [p]),
-        matrix.multiply(at.search, at.product, at.p_dot_q),
-        matrix.over_rows(kernels.update_solution, [*scalars, p, q], [x, r]),
-        model.parallel.record_undivided(kernels.count, 1, [], [iteration]),
-        precondition,
-    ]
-    return precondition, in_sequence(*iterate)

@@ -10,7 +10,6 @@ of a patient."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -24,12 +23,10 @@ from warp_trunk.kernels.multigrid import (
     BLOCK_LANES,
     CORNERS,
     FEW_LANES,
-    KEPT,
     NODE_LANES,
     ROW_LANES,
     STRIP,
     VERTEX_LANES,
-    WHOLE,
     cpu_grid_kernels,
     cuda_grid_kernels,
     grid_matrix_kernels,
@@ -37,12 +34,12 @@ from warp_trunk.kernels.multigrid import (
 )
 from warp_trunk.kernels.sparse import diagonal_inverter
 
-from .dense_inverse import in_half_precision, invert
+from .dense_inverse import DenseProduct, in_half_precision, invert
 from .grids import Grids, Interpolation, lay_grids
 from .linear import BlockMatrix, Dots, Iterates
 from .model import Model
 from .node_groups import NodeGroups
-from .parallel import Launch, in_sequence, view
+from .parallel import Launch, beside, in_sequence, view
 from .topology import equal_parts
 
 MOST_DENSE = 4
@@ -66,7 +63,6 @@ class Multigrid:
         then those of before, and nodes that were freed later have their own blocks.
         """
         self.model = model = matrix.model
-        self._inverse_diagonal = matrix.inverse_diagonal
         matrix.assemble_projected()
         laid, to_nodes = lay_grids(model.rest[model.free]) if grids is None else grids.reaching(model.free_nodes)
         self._groups = NodeGroups(matrix)
@@ -92,25 +88,15 @@ class Multigrid:
         inverse = grids.inverse if grids else invert(grid_matrix(matrix, onto_nodes[-1], sizes[-1]))
         self.grids = Grids(laid, to_nodes, inverse)
         if model.parallel.is_cuda:
-            self._levels = CudaLevels(model, to_nodes, self._grids, inverse, self._groups)
+            self._levels = CudaLevels(matrix, to_nodes, self._grids, inverse, self._groups)
         else:
             between = [_Interpolation(model, g.interpolate(finer.positions)) for finer, g in pairwise(laid)]
-            levels = zip(
-                [model.free_nodes, *sizes], sizes, [on_device, *between], [*diagonals, None], strict=False
-            )
-            self._levels = CpuLevels(model, [_Level(*level) for level in levels], inverse, matrix.bounds)
+            levels = zip(sizes, [on_device, *between], [*diagonals, None], strict=True)
+            self._levels = CpuLevels(matrix, [_Level(*level) for level in levels], inverse, self._groups)
 
-    def apply(self, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
-        """Records z = M^-1 r with r . z, for vectors of the free nodes, shape (free nodes,), vec3."""
-        levels = self._levels.apply(self._inverse_diagonal, r, z, r_dot_z)
-        if self.model.parallel.is_cuda:
-            return levels
-        return in_sequence(levels, self._groups.apply(r, z, r_dot_z))
-
-    def apply_with_steps(self, at: Iterates) -> tuple[Launch, Launch]:
-        """Records z = M^-1 r, and the same after a step, on CUDA; see `Preconditioner`."""
-        assert isinstance(self._levels, CudaLevels)
-        return self._levels.apply_with_steps(self._inverse_diagonal, at)
+    def step_and_apply(self, at: Iterates) -> Launch:
+        """See `Preconditioner`."""
+        return self._levels.step_and_apply(at)
 
 
 class _Interpolation:
@@ -132,8 +118,6 @@ class _Interpolation:
 class _Level:
     """A grid, and its interpolation to the nodes or to the next finer grid, its points."""
 
-    points: int
-    """Number of points."""
     vertices: int
     """Number of its vertices."""
     interpolation: _Interpolation
@@ -145,37 +129,19 @@ class _Level:
 class CpuLevels:
     """The grids on the CPU: a launch down and one up for each."""
 
-    strips: wp.array
-    """A of the inverse S A S on the coarsest grid, in parts of WHOLE, with ones on its diagonal: strip after strip
-    of STRIP rows, each column after column, int16. A preconditioner needs no more digits, and the product is
-    limited by the reading of the matrix."""
-
     def __init__(
-        self, model: Model, levels: Sequence[_Level], inverse: np.ndarray, node_bounds: np.ndarray
+        self, matrix: BlockMatrix, levels: Sequence[_Level], inverse: np.ndarray, groups: NodeGroups
     ) -> None:
-        """Uploads the inverse on the coarsest grid, shape (3 vertices, 3 vertices).
+        """Uploads the inverse on the coarsest grid, shape (3 vertices, 3 vertices)."""
+        self._matrix, self._grids, self._groups = matrix, levels, groups
+        self._inverse = DenseProduct(matrix.model, inverse)
 
-        `node_bounds` are the ranges of nodes, shape (ranges + 1,).
-        """
-        self._model, self._grids = model, levels
-        self._node_bounds, self._ranges = node_bounds, len(node_bounds) - 1
-        self._size = size = len(inverse)
-        rows = -(-size // STRIP) * STRIP
-        root = np.sqrt(np.maximum(np.diagonal(inverse), np.finfo(np.float32).tiny))
-        numbers = np.zeros((rows, size), dtype=np.int16)
-        numbers[:size] = np.rint(inverse * (KEPT * WHOLE / root)[:, None] / root)
-        np.fill_diagonal(numbers, WHOLE)
-        scale = np.zeros(rows)
-        scale[:size] = root / math.sqrt(WHOLE)
-        strips = numbers.reshape(-1, STRIP, size).transpose(0, 2, 1)
-        self.strips, self._scale = model.array(strips.ravel(), wp.int16), model.array(scale, model.scalar)
-
-    def apply(self, inverse_diagonal: wp.array, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
-        """Records z = M^-1 r with r . z, for the inverse diagonal of the nodes."""
-        model = self._model
-        kernels, record = cpu_grid_kernels(model.scalar), self._record
-        diagonal: wp.array | None = inverse_diagonal
-        dots = r_dot_z
+    def step_and_apply(self, at: Iterates) -> Launch:
+        """See `Preconditioner`."""
+        matrix, groups, model = self._matrix, self._groups, self._matrix.model
+        kernels, record = cpu_grid_kernels(model.scalar), model.parallel.record_loops
+        r, z, dots, diagonal = at.residual, at.preconditioned, at.r_dot_z, matrix.inverse_diagonal
+        bounds, members = matrix.bounds, [groups.member_of, groups.correction]
         down: list[Launch] = []
         up: list[Launch] = []
         for level in self._grids:
@@ -183,28 +149,16 @@ class CpuLevels:
                 model.zeros(model.vec3, level.vertices + STRIP) for _ in range(2)
             )
             by_vertex = level.interpolation.by_vertex()
-            bounds = equal_parts(by_vertex[0].numpy(), self._ranges)
-            down.append(record(kernels.restrict, bounds, [*by_vertex, r], [residual]))
-            finest = level is self._grids[0]
-            bounds = self._node_bounds if finest else np.linspace(0, level.points, self._ranges + 1)
-            interpolate = [diagonal, *level.interpolation.by_point, correction, r]
+            rows = equal_parts(by_vertex[0].numpy(), len(matrix.bounds) - 1)
+            down.append(record(kernels.restrict, rows, [*by_vertex, r], [residual]))
+            interpolate = [diagonal, *level.interpolation.by_point, correction, *members, r]
             up.append(record(kernels.prolong, bounds, interpolate, [z, dots.iteration, dots.products]))
-            diagonal, dots = level.inverse_diagonal, Dots.zero(model)
-            r, z = residual, correction
-        return in_sequence(*down, self.solve(r, z), *up[::-1])
-
-    def solve(self, residual: wp.array, solution: wp.array) -> Launch:
-        """Records the product with the inverse; both are of shape (n + STRIP,), vec3, of which n count."""
-        model = self._model
-        x, y = (view(vectors, model.scalar, 3 * len(vectors)) for vectors in (residual, solution))
-        given, strips = [self._size, self.strips, self._scale, x], len(self._scale) // STRIP
-        return self._record(
-            cpu_grid_kernels(model.scalar).dense, np.linspace(0, strips, self._ranges + 1), given, [y]
-        )
-
-    def _record(self, kernel: Any, bounds: np.ndarray, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
-        """Records a loop over ranges, also few items: the threads meet after each launch of a program anyway."""
-        return self._model.parallel.record(kernel, bounds.astype(np.int64), inputs, outputs, least=0, loops=True)
+            r, z, dots, diagonal = residual, correction, Dots.zero(model), level.inverse_diagonal
+            bounds = np.linspace(0, level.vertices, len(matrix.bounds))
+            members = [model.zeros(wp.int32, 0), model.zeros(model.vec3, 0)]
+        solve = self._inverse.record(r, z, at.r_dot_z.iteration)
+        correct = groups.correct(at.residual)
+        return in_sequence(matrix.update_solution(at), beside(correct, in_sequence(*down)), solve, *up[::-1])
 
 
 class CudaLevels:
@@ -215,7 +169,7 @@ class CudaLevels:
 
     def __init__(
         self,
-        model: Model,
+        matrix: BlockMatrix,
         grids: Sequence[Interpolation],
         inverse_diagonal: wp.array,
         inverse: np.ndarray,
@@ -224,14 +178,13 @@ class CudaLevels:
         """Uploads what the launches read.
 
         Args:
-            model: the trunk.
+            matrix: of the trunk.
             grids: the interpolation of each to the free nodes, finest first.
             inverse_diagonal: of all but the last, which come last but one first, shape (vertices,), mat33.
             inverse: that of the last, symmetric, shape (3 vertices, 3 vertices).
             groups: of tied nodes.
         """
-        self._members, self._of_groups, self._of_nodes = groups.for_cuda()
-        self.model = model
+        self._matrix, self._groups, model = matrix, groups, matrix.model
         coarsest_first = grids[::-1]
         sizes = [grid.vertices for grid in coarsest_first]
         starts = np.cumsum([0, *sizes])
@@ -258,17 +211,10 @@ class CudaLevels:
         numbers, scale = in_half_precision(inverse)
         self._scale, self._inverse = model.array(scale, wp.float32), model.array(numbers, wp.float16)
 
-    def apply(self, inverse_diagonal: wp.array, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
-        """Records z = D^-1 r + the corrections of groups and grids, with r . z, for the inverse diagonal."""
-        return self._record(inverse_diagonal, Iterates(z, r, z, z, r, r_dot_z, r_dot_z), steps=0)
-
-    def apply_with_steps(self, inverse_diagonal: wp.array, at: Iterates) -> tuple[Launch, Launch]:
-        """Records `apply`, and the same after a step along the search direction; see `Preconditioner`."""
-        return self._record(inverse_diagonal, at, steps=0), self._record(inverse_diagonal, at, steps=1)
-
-    def _record(self, inverse_diagonal: wp.array, at: Iterates, *, steps: int) -> Launch:
-        """The launches, after a step or none; without one, solution, search direction and product are not read."""
-        model, kernels, record = self.model, self._kernels, self.model.parallel.record
+    def step_and_apply(self, at: Iterates) -> Launch:
+        """See `Preconditioner`."""
+        matrix, groups, kernels, model = self._matrix, self._groups, self._kernels, self._matrix.model
+        record = model.parallel.record
         rows, columns = len(self._scale), self._inverse.shape[1]
         iteration, r_dot_z, p_dot_q = at.r_dot_z.iteration, at.r_dot_z.products, at.p_dot_q.products
         vec4: Any = wp.types.vector(4, model.scalar)
@@ -279,36 +225,37 @@ class CudaLevels:
             return view(array, model.scalar, 3 * len(array))
 
         scale = view(self._scale, wp.vec3f, self._coarsest)
-        others = self._vertices - self._coarsest - self._far + self._members
+        others = self._vertices - self._coarsest - self._far + len(groups.group_of)
         grids = [self._coarsest, self._far, *self._by_vertex, self._inverse_diagonal, scale]
         return in_sequence(
             record(
                 kernels.step,
                 3 * model.free_nodes,
-                [steps, iteration, r_dot_z, p_dot_q, numbers(at.search), numbers(at.product)],
+                [iteration, r_dot_z, p_dot_q, numbers(at.search), numbers(at.product)],
                 [numbers(at.solution), numbers(at.residual), view(residual, model.scalar, 4 * len(residual))],
             ),
             record(
                 kernels.restrict,
                 self._coarsest * BLOCK_LANES + self._far * VERTEX_LANES + others * FEW_LANES,
-                [*grids, residual, *self._of_groups],
+                [*grids, residual, groups.group_of, *groups.given, groups.correction],
                 [view(coarsest_residual, wp.vec3f, self._coarsest), correction],
                 block=BLOCK_LANES,
             ),
             record(
                 kernels.dense,
                 rows * ROW_LANES,
-                [steps, self._inverse, self._scale, coarsest_residual],
+                [self._inverse, self._scale, coarsest_residual],
                 [view(correction, model.scalar, 4 * self._vertices), iteration],
             ),
             record(
                 kernels.prolong,
                 model.free_nodes * NODE_LANES,
                 [
-                    view(inverse_diagonal, model.scalar, 9 * len(inverse_diagonal)),
+                    view(matrix.inverse_diagonal, model.scalar, 9 * model.free_nodes),
                     *self._by_node,
                     correction,
-                    *self._of_nodes,
+                    groups.member_of,
+                    numbers(groups.correction),
                     residual,
                     iteration,
                 ],

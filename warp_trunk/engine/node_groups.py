@@ -7,8 +7,8 @@ import warp as wp
 
 from warp_trunk.kernels.node_groups import MEMBERS, WARP, node_group_kernels
 
-from .linear import BlockMatrix, Dots
-from .parallel import Launch, view
+from .linear import BlockMatrix
+from .parallel import Launch
 
 STIFF = 0.45
 """Nodes are tied whose block off the diagonal is this part of their blocks on it, by norm: one of a hundred links
@@ -25,6 +25,14 @@ class NodeGroups:
 
     members: list[list[int]]
     """The nodes of each group, ascending."""
+    given: list[wp.array]
+    """Arguments of kernels: first member and start of the inverse of each group, nodes of members, inverses."""
+    group_of: wp.array
+    """The group of each member, shape (members,), int32."""
+    member_of: wp.array
+    """The member that each free node is, -1 for none, shape (free nodes,), int32."""
+    correction: wp.array
+    """The part of z that is added at each member, shape (members,), vec3."""
 
     def __init__(self, matrix: BlockMatrix) -> None:
         """Ties the nodes by the matrix as it is."""
@@ -41,40 +49,31 @@ class NodeGroups:
         at = np.searchsorted(keys, wanted).clip(0, len(keys) - 1)
         block_of = np.where(keys[at] == wanted, np.where(one <= other, 1, -1) * (upper[at] + 1), 0)
         start = 9 * np.cumsum([0, *count**2])
-        self._nodes = np.array([node for group in groups for node in group], dtype=np.int64)
-        self._group_of = np.repeat(np.arange(len(groups)), count)
-        self._where = [model.array(each, wp.int32) for each in (np.cumsum([0, *count]), start, self._nodes)]
-        self._inverse = model.zeros(model.scalar, int(start[-1]))
+        nodes = np.array([node for group in groups for node in group], dtype=np.int64)
+        where = [model.array(each, wp.int32) for each in (np.cumsum([0, *count]), start, nodes)]
+        inverse = model.zeros(model.scalar, int(start[-1]))
+        self.given = [*where, inverse]
+        member_of = np.full(model.free_nodes, -1)
+        member_of[nodes] = np.arange(len(nodes))
+        self.group_of = model.array(np.repeat(np.arange(len(groups)), count), wp.int32)
+        self.member_of = model.array(member_of, wp.int32)
+        self.correction = model.zeros(model.vec3, max(len(nodes), 1))
         self._kernels, cuda = node_group_kernels(*model.variant), model.parallel.is_cuda
         self.update: Launch = model.parallel.record(
             self._kernels.invert,
             WARP * len(groups) if cuda else len(groups),
-            [*self._where, model.array(block_of, wp.int32), matrix.blocks, matrix.inverse_diagonal],
-            [self._inverse],
+            [*where, model.array(block_of, wp.int32), matrix.blocks, matrix.inverse_diagonal],
+            [inverse],
             least=0,
             loops=not cuda,
         )
         """Sets the groups' blocks to those of the matrix as it is, projected, and inverts them."""
 
-    def apply(self, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
-        """Records, on the CPU, the change of z and of r . z by the groups' blocks, after D^-1 of the nodes' own.
-
-        Both are vectors of the free nodes, shape (free nodes,), vec3.
-        """
-        given, changed = [*self._where, self._inverse, r], [z, r_dot_z.iteration, r_dot_z.products]
-        kernel, groups = self._kernels.apply, len(self.members)
-        return self._model.parallel.record(kernel, groups, given, changed, least=0, loops=True)
-
-    def for_cuda(self) -> tuple[int, list[wp.array], list[wp.array]]:
-        """How many nodes are members; what a launch reads to correct them, and writes by member; and what another
-        reads to find the correction of a node."""
-        model, count = self._model, len(self._nodes)
-        member_of = np.full(model.free_nodes, -1)
-        member_of[self._nodes] = np.arange(count)
-        correction = model.zeros(model.vec3, max(count, 1))
-        given = [*self._where, model.array(self._group_of, wp.int32), self._inverse, correction]
-        numbers = view(correction, model.scalar, 3 * len(correction))
-        return count, given, [model.array(member_of, wp.int32), numbers]
+    def correct(self, r: wp.array) -> Launch:
+        """Records, on the CPU, the corrections for a residual of the free nodes, shape (free nodes,), vec3."""
+        parallel, given = self._model.parallel, [*self.given, r]
+        bounds = parallel.split(len(self.members))
+        return parallel.record_loops(self._kernels.correct, bounds, given, [self.correction])
 
 
 def tie(rows: np.ndarray, columns: np.ndarray, blocks: np.ndarray, size: int) -> list[list[int]]:

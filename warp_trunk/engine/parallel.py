@@ -16,7 +16,7 @@ import os
 import threading
 import weakref
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial, wraps
 from itertools import pairwise
 from pathlib import Path
@@ -176,6 +176,15 @@ class Parallel:
             commands.append(self._command(kernel, dim, given, outputs, block) if first < end else None)
         return self._launch(commands)
 
+    def record_loops(
+        self, kernel: Any, bounds: np.ndarray, inputs: Sequence[Any], outputs: Sequence[Any]
+    ) -> Launch:
+        """A launch on the CPU of a kernel that loops over each range of given bounds, also of few items.
+
+        The threads meet after each launch of a program anyway.
+        """
+        return self.record(kernel, bounds.astype(np.int64), inputs, outputs, least=0, loops=True)
+
     def record_undivided(self, kernel: Any, size: int, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
         """A launch of `kernel(*inputs, *outputs)` that is not split: the few items are not worth a thread."""
         return self._launch([self._command(kernel, size, inputs, outputs)])
@@ -274,6 +283,13 @@ def in_sequence(*launches: Launch) -> Launch:
     return launch
 
 
+def beside(launch: Launch, other: Launch) -> Launch:
+    """Two launches on the CPU of which neither reads or writes what the other writes: no thread waits between."""
+    if isinstance(launch, _Recorded):
+        launch = _Recorded(launch.team, [replace(step, meets=False) for step in launch.steps])
+    return in_sequence(launch, other)
+
+
 @dataclass(frozen=True, eq=False)
 class _Step:
     """A launch that is part of a program."""
@@ -284,6 +300,8 @@ class _Step:
     """Where its first number is not 0 after the step, the program goes back."""
     back: int = 0
     """By so many steps."""
+    meets: bool = True
+    """Whether the threads wait for each other before the next step."""
 
     @property
     def split(self) -> bool:
@@ -326,8 +344,8 @@ class _Team:
         for number, step in enumerate(steps):
             # not after the last step, as the caller waits for all, nor between two that are the first range's
             following = steps[number + 1 : number + 2]
-            apart = bool(following) and not step.split and not following[0].split
-            table[number, 0] = split and (step.running is not None or (bool(following) and not apart))
+            apart = not step.meets or not (following and (step.split or following[0].split))
+            table[number, 0] = split and (step.running is not None or not apart)
             if step.running is not None:
                 table[number, 1:3] = np.array([step.running.ptr, number - step.back])
             for slab, command in enumerate(step.commands):

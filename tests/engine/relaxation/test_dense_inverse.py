@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+import warp as wp
 from warp_trunk.kernels.multigrid import KEPT, STRIP, WHOLE
 
 from support.meshes import block
 from support.models import model_of
-from warp_trunk.engine.dense_inverse import in_half_precision, invert, invert_layers
-from warp_trunk.engine.multigrid import CpuLevels
+from warp_trunk.engine.dense_inverse import DenseProduct, in_half_precision, invert, invert_layers
 from warp_trunk.engine.rest_mesh import PRECISIONS
 
 
@@ -77,9 +77,10 @@ def test_its_product_in_16_bits(nodes: int, threads: int, precision: str) -> Non
     matrix = size[:, None] * definite(3 * nodes) * size
     x = np.random.default_rng(2).normal(size=(nodes + 16, 3))
     solution = model.zeros(model.vec3, nodes + 16)
-    levels = CpuLevels(model, [], matrix, model.parallel.split(model.free_nodes))
+    product, iteration = DenseProduct(model, matrix), model.zeros(wp.int32, 1)
     for _ in range(2):  # nothing is left of the product before
-        levels.solve(model.array(x, model.vec3), solution)()
+        product.record(model.array(x, model.vec3), solution, iteration)()
+    assert iteration.numpy()[0] == 2
     found, wanted = solution.numpy().ravel()[: 3 * nodes], matrix @ x[:nodes].ravel()
     root = np.sqrt(np.diagonal(matrix))
     most = (0.5 / WHOLE + 1.0 - KEPT) * root * (root * np.abs(x[:nodes].ravel())).sum()
@@ -102,7 +103,6 @@ def test_it_stays_positive_in_16_bits() -> None:
     half, _ = in_half_precision(inverse)
     assert np.linalg.eigvalsh(half[:, :grid].astype(float))[0] > 0.0
     model = model_of(block((2, 2, 2)), threads=1, precision="float32")
-    levels = CpuLevels(model, [], inverse, model.parallel.split(model.free_nodes))
-    strips = levels.strips.numpy().reshape(-1, grid, STRIP)
+    strips = DenseProduct(model, inverse).strips.numpy().reshape(-1, grid, STRIP)
     numbers = strips.transpose(0, 2, 1).reshape(-1, grid)
     assert np.linalg.eigvalsh(numbers[:grid, :grid].astype(float))[0] > 0.0
