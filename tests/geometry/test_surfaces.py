@@ -176,6 +176,17 @@ def test_distance_to_a_sphere_far_from_the_origin():
     assert np.isnan(SurfaceDistance(sphere(30.0)).at(np.zeros((1, 3)), 5.0)).all()  # out of reach
 
 
+def test_the_outermost_point_is_that_of_all_distances():
+    """Groups deep inside, across the surface and outside, of one point too, also where two spheres overlap."""
+    distance = SurfaceDistance(joined(sphere(60.0), sphere(50.0, (70.0, 0.0, 0.0))))
+    random = np.random.default_rng(3)
+    places, sizes = [(0, 0, 0), (30, 0, 0), (35, 20, 40), (0, 61, 0), (90, 80, 0)], [500, 500, 500, 1, 300]
+    groups = [place + random.normal(size=(n, 3), scale=12.0) for place, n in zip(places, sizes, strict=True)]
+    every = [distance.at(group) for group in groups]
+    assert {bool((each < 0.0).all()) for each in every} == {False, True}
+    assert distance.outermost(groups) == [(each.argmax(), each.max()) for each in every]
+
+
 def test_grid_is_signed_deep_inside_and_far_outside():
     grid = grid_of(60.0, 4.0)
     band = 8.0
