@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from support.matrices import on_host
 from support.meshes import block, block_with_bone, grid, single_tet, trunk, with_skin
-from support.models import bent_and_noisy, evaluated, gradient_of, half_and_half, model_of
+from support.models import bent_and_noisy, evaluated, gradient_of, half_and_half, model_of, on_host
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.coupling import Coupling
 from warp_trunk.engine.energies.itmsm import Itmsm
