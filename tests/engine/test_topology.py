@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from support.meshes import block, block_with_bone, single_tet
-from warp_trunk.engine.checks import find_pieces
 from warp_trunk.engine.coupling import coupling_pattern
 from warp_trunk.engine.topology import (
     EDGES,
     FACES,
     edges_shared,
     faces_shared,
+    find_pieces,
     square_pattern,
 )
 

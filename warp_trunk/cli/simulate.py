@@ -20,7 +20,6 @@ from warp_trunk.errors import InputError
 from warp_trunk.io.folders import seen_from_here
 from warp_trunk.io.surface_files import write_surface
 from warp_trunk.meshing import CrossingError, MeshOptions
-from warp_trunk.preparation.phantom import phantom_case
 from warp_trunk.results import Result
 from warp_trunk.results.summary_text import plain
 from warp_trunk.run.options import PAPERS, RunOptions
@@ -184,6 +183,8 @@ class Demo:
 
     def run(self) -> int:
         """Simulate the synthetic trunk and print how to look at the result."""
+        from warp_trunk.preparation.phantom import phantom_case  # no other command of this file needs it
+
         with Progress() as progress:
             with progress.stage("load", "making the synthetic trunk"):
                 case = phantom_case()

@@ -12,6 +12,7 @@ from warp_trunk.errors import InputError
 from .energies.by_name import EnergyName, WeightsName
 from .rest_mesh import PRECISIONS
 from .tissue import Tissue
+from .topology import find_pieces
 from .trunk_mesh import TrunkMesh, tet_volumes
 
 
@@ -114,19 +115,3 @@ def holds(points: np.ndarray) -> bool:
         return False
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     return bool(spread[1] > 1e-6 * spread[0])
-
-
-def find_pieces(tets: np.ndarray, nodes: int) -> np.ndarray:
-    """The lowest node of the connected piece that each node is in, shape (nodes,)."""
-    corners, label = np.ascontiguousarray(tets.T), np.arange(nodes)
-    while True:
-        found = label.copy()
-        lowest = np.minimum.reduce([label.take(corner) for corner in corners])
-        for corner in corners:
-            np.minimum.at(found, corner, lowest)
-        np.minimum.at(found, label, found.copy())  # what a node has found, the one that names its piece has, too
-        while not np.array_equal(found, named := found.take(found)):
-            found = named
-        if np.array_equal(found, label):
-            return label
-        label = found

@@ -118,3 +118,22 @@ def faces_shared(tets: np.ndarray) -> np.ndarray:
     _, edge = np.unique(low * nodes + middle, return_inverse=True)  # its number, so that no product overflows
     _, face, count = np.unique(edge * nodes + high, return_inverse=True, return_counts=True)
     return count[face]
+
+
+def find_pieces(cells: np.ndarray, nodes: int) -> np.ndarray:
+    """The lowest node of the connected piece that each node is in, shape (nodes,).
+
+    Cells (cells, corners) are tetrahedra, triangles or edges, whose corners they connect.
+    """
+    corners, label = np.ascontiguousarray(cells.T), np.arange(nodes)
+    while True:
+        found = label.copy()
+        lowest = np.minimum.reduce([label.take(corner) for corner in corners])
+        for corner in corners:
+            np.minimum.at(found, corner, lowest)
+        np.minimum.at(found, label, found.copy())  # what a node has found, the one that names its piece has, too
+        while not np.array_equal(found, named := found.take(found)):
+            found = named
+        if np.array_equal(found, label):
+            return label
+        label = found
