@@ -198,12 +198,15 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("export RESULT", "case/skin.vtu"),
         ("plan case --uiv T4 --liv L1", "case/planned"),
         ("plan case --uiv T4 --liv L1", "case/bones"),
+        ("demo", "case/results/new"),
+        ("demo", "link/there"),
     ],
 )
 @pytest.mark.parametrize("header", [True, False], ids=["case.toml", "skin and bones"])
 def test_a_case_is_left_alone(command, place, header, result, refused, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_case(tmp_path / "case", small_case())
+    (tmp_path / "link").symlink_to(tmp_path / "case")
     if not header:
         (tmp_path / "case" / "case.toml").unlink()
     before = sorted((path, path.read_bytes()) for path in tmp_path.rglob("*") if path.is_file())

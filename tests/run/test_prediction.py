@@ -137,35 +137,6 @@ def test_a_copy_of_the_patient_is_the_patient(patient: PreparedPatient) -> None:
     assert np.abs(path.at(1.0)).max() == pytest.approx(5.0, rel=0.5)
 
 
-def test_other_options_than_the_patients_are_refused(patient: PreparedPatient, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="other options"):
-        simulate(
-            planned(5.0),
-            folder=tmp_path,
-            options=replace(OPTIONS, energy="neo-hookean"),
-            warnings=(),
-            patient=patient,
-        )
-
-
-def test_options_and_the_cases_tissue_reach_the_model() -> None:
-    case = replace(CASE, tissue=Tissue(theta=7.0, epsilon=0.5, poisson_ratio=0.3))
-    options = RunOptions(device="cpu", precision="float64", threads=1, gravity=9.81, energy="neo-hookean")
-    model = prepare(case, options, TRUNK).model
-    assert (model.device, model.precision, model.gravity) == ("cpu", "float64", 9.81)
-    assert model.tissues == (case.tissue,)
-    assert model.elements.unit == "mJ"
-
-
-def test_bones_move_rigidly_unless_asked_otherwise() -> None:
-    path = prepare(CASE, RunOptions(device="cpu"), TRUNK).path
-    here = TRUNK.nodes[TRUNK.bone == 0]
-    there = here + path.at(0.3)[TRUNK.bone == 0]
-    before, after = (np.linalg.norm(p[:, None] - p[None], axis=2) for p in (here, there))
-    np.testing.assert_allclose(after, before, atol=1e-9)
-    assert np.abs(there - here).max() > 0.5
-
-
 @pytest.fixture
 def devices_used(monkeypatch: pytest.MonkeyPatch) -> set[str]:
     """The devices of all launches, as they are made."""

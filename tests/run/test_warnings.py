@@ -93,15 +93,6 @@ def test_a_case_made_in_code_is_checked_like_one_that_is_read(tmp_path):
         simulate(replace(case, landmarks_before=nowhere), folder=tmp_path / "out")
 
 
-def test_a_result_never_lands_in_a_case(tmp_path, refused):
-    (tmp_path / "case").mkdir()
-    (tmp_path / "case" / "case.toml").write_text("")
-    (tmp_path / "link").symlink_to(tmp_path / "case")
-    for place in ("case", "case/results/new", "link/there"):
-        refused(["demo", "--out", tmp_path / place], "give --out a place outside it")
-    assert sorted(path.name for path in (tmp_path / "case").iterdir()) == ["case.toml"]
-
-
 def test_more_than_the_memory_is_refused_before_any_work(monkeypatch, refused, tmp_path):
     monkeypatch.setattr(warnings, "memory_here", lambda: 4.5e9)
     refused(

@@ -247,9 +247,8 @@ def test_share_that_bends_out() -> None:
 
 def test_unfused_curve_corrects_by_what_bent_out() -> None:
     """Unless the plan says another share."""
-    assert plan_surgery(case(), SELECTIVE).curves[-1].cobb_after == pytest.approx(10.0, abs=0.1)
-    said = Plan(uiv="T4", liv="T12", spontaneous=0.2, curves=SELECTIVE.curves)
-    assert plan_surgery(case(), said).curves[-1].cobb_after == pytest.approx(32.0, abs=0.1)
+    for plan, left in ((SELECTIVE, 10.0), (replace(SELECTIVE, spontaneous=0.2), 32.0)):
+        assert plan_surgery(case(), plan).curves[-1].cobb_after == pytest.approx(left, abs=0.1)
 
 
 def test_more_than_a_film_showed_is_told() -> None:
