@@ -58,12 +58,13 @@ def invert_layers(matrix: np.ndarray) -> np.ndarray:
         across = matrix[layer, following]
         carried.append(inverse[layer, layer] @ across)
         pivot = _mirrored(matrix[following, following]) - across.T @ carried[-1]
-    inverse[layers[-1], layers[-1]] = np.linalg.inv(pivot)
+    inverse[layers[-1], layers[-1]] = _mirrored(np.linalg.inv(pivot))
     for layer, following, across in zip(layers[-2::-1], layers[:0:-1], carried[::-1], strict=True):
         beyond = slice(layer.stop, size)
         inverse[layer, beyond] = -across @ inverse[following, beyond]
-        inverse[layer, layer] -= inverse[layer, following] @ across.T
-    return _mirrored(inverse)
+        inverse[beyond, layer] = inverse[layer, beyond].T
+        inverse[layer, layer] = _mirrored(inverse[layer, layer] - inverse[layer, following] @ across.T)
+    return inverse
 
 
 def _mirrored(matrix: np.ndarray) -> np.ndarray:
