@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from .native import native_kernel
 from .vectors import max_reducer, sum_reducer
 
 CHANGE, LENGTH, SUM = range(3)
@@ -21,40 +22,50 @@ SLOWEST = wp.constant(0.95)
 """Changes are assumed to shrink at least this fast from window to window."""
 
 
-@wp.func
-def total(products: wp.array2d(dtype=wp.float64), row: int, ranges: int):
-    """Sum over the ranges of one scalar product."""
-    value = wp.float64(0.0)
-    for r in range(ranges):  # always in this order, so that every thread finds the same bits
-        value += products[row, 8 * r]
-    return value
+TOTAL = """
+    const auto total = [&](const auto& products, long row) {
+        double sum = 0.0;  // always in this order, so that every thread finds the same bits
+        for (int r = 0; r < ranges; ++r) sum += products.data[products.shape[1] * row + 8 * r];
+        return sum;
+    };
+"""
+"""Adds up the ranges' parts of one scalar product."""
+ALPHA = f"""{TOTAL}
+    const int j = iteration.data[0];
+    const double curvature = total(p_dot_q, j);
+    // the solution stays where negative curvature was met, until the window is over
+    const double alpha = curvature > 0.0 ? total(r_dot_z, j) / curvature : 0.0;
+"""
+"""The step along the search direction; 0 where its curvature is not positive."""
+BETA = f"""{TOTAL}
+    const int j = iteration.data[0];
+    const bool negative_curvature = j > 0 && total(p_dot_q, j - 1) < 0.0;
+    const double last = j > 0 ? total(r_dot_z, j - 1) : 0.0;
+    const double beta = last > 0.0 ? total(r_dot_z, j) / last : 0.0;  // else rounding is left: again along z
+"""
+"""beta of p = z + beta p, 0 at the first iteration, and whether the last p had negative curvature."""
 
 
-@wp.func
-def find_beta(
-    r_dot_z: wp.array2d(dtype=wp.float64), p_dot_q: wp.array2d(dtype=wp.float64), iteration: int, ranges: int
-):
-    """beta of p = z + beta p, 0 at the first iteration, and whether the last p had negative curvature."""
-    beta = wp.float64(0.0)
-    negative_curvature = False
-    if iteration > 0:
-        negative_curvature = total(p_dot_q, iteration - 1, ranges) < wp.float64(0.0)
-        last = total(r_dot_z, iteration - 1, ranges)
-        if last > wp.float64(0.0):  # otherwise rounding is all that is left: start again along z
-            beta = total(r_dot_z, iteration, ranges) / last
-    return beta, negative_curvature
+@wp.func_native(TOTAL + "return total(products, row);")
+def total(products: wp.array2d(dtype=wp.float64), row: int, ranges: int) -> wp.float64: ...
 
 
-@wp.func
+@wp.func_native(ALPHA + "return alpha;")
 def find_alpha(
-    r_dot_z: wp.array2d(dtype=wp.float64), p_dot_q: wp.array2d(dtype=wp.float64), iteration: int, ranges: int
-):
-    """The step along the search direction; 0 where its curvature is not positive."""
-    curvature = total(p_dot_q, iteration, ranges)
-    alpha = wp.float64(0.0)  # the solution stays where negative curvature was met, until the window is over
-    if curvature > wp.float64(0.0):
-        alpha = total(r_dot_z, iteration, ranges) / curvature
-    return alpha
+    iteration: wp.array(dtype=wp.int32),
+    r_dot_z: wp.array2d(dtype=wp.float64),
+    p_dot_q: wp.array2d(dtype=wp.float64),
+    ranges: int,
+) -> wp.float64: ...
+
+
+@wp.func_native(BETA + "return negative_curvature ? NAN : beta;")
+def find_beta(
+    iteration: wp.array(dtype=wp.int32),
+    r_dot_z: wp.array2d(dtype=wp.float64),
+    p_dot_q: wp.array2d(dtype=wp.float64),
+    ranges: int,
+) -> wp.float64: ...
 
 
 @cache
@@ -108,61 +119,44 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
 
     real = "float" if scalar is wp.float32 else "double"
 
-    @wp.func_native(f"""
+    @native_kernel(
+        module,
+        f"""{BETA}
+    if (negative_curvature) return;
     {real}* __restrict__ p = search.data;
     const {real}* __restrict__ z = preconditioned.data;
-    for (wp::int32 k = 3 * first; k < 3 * end; ++k) p[k] = z[k] + beta * p[k];
-    """)
-    def add_to_search(
-        first: wp.int32,
-        end: wp.int32,
-        beta: scalar,
+    for (int k = 3 * first; k < 3 * end; ++k) p[k] = z[k] + ({real})beta * p[k];
+    """,
+    )
+    def update_search(
+        first: int,
+        end: int,
+        slab: int,
+        ranges: int,
+        iteration: wp.array(dtype=wp.int32),
+        r_dot_z: wp.array(dtype=wp.float64, ndim=2),
+        p_dot_q: wp.array(dtype=wp.float64, ndim=2),
         preconditioned: wp.array(dtype=scalar),
         search: wp.array(dtype=scalar),
-    ): ...
+    ):
+        """p = z + beta p on the CPU; a direction of negative curvature is kept, for the host to go along it."""
 
-    @wp.func_native(f"""
+    @native_kernel(
+        module,
+        f"""
+    if (iteration.data[0] < 0) return;
+    {ALPHA}
     {real}* __restrict__ x = solution.data;
     {real}* __restrict__ r = residual.data;
     const {real}* __restrict__ p = search.data;
     const {real}* __restrict__ q = product.data;
-    for (wp::int32 k = 3 * first; k < 3 * end; ++k) {{
-        x[k] += alpha * p[k];
-        r[k] -= alpha * q[k];
+    for (int k = 3 * first; k < 3 * end; ++k) {{
+        x[k] += ({real})alpha * p[k];
+        r[k] -= ({real})alpha * q[k];
     }}
-    """)
-    def step_along_search(
-        first: wp.int32,
-        end: wp.int32,
-        alpha: scalar,
-        search: wp.array(dtype=scalar),
-        product: wp.array(dtype=scalar),
-        solution: wp.array(dtype=scalar),
-        residual: wp.array(dtype=scalar),
-    ): ...
-
-    @wp.kernel(module=module, enable_backward=False)
-    def update_search_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        ranges: int,
-        iteration: wp.array(dtype=wp.int32),
-        r_dot_z: wp.array(dtype=wp.float64, ndim=2),
-        p_dot_q: wp.array(dtype=wp.float64, ndim=2),
-        preconditioned: wp.array(dtype=scalar),
-        search: wp.array(dtype=scalar),
-    ):
-        """p = z + beta p, a loop over the nodes of the range.
-
-        A direction of negative curvature is kept, for the host to go along it.
-        """
-        beta, negative_curvature = find_beta(r_dot_z, p_dot_q, iteration[0], ranges)
-        if not negative_curvature:
-            add_to_search(first, end, scalar(beta), preconditioned, search)
-
-    @wp.kernel(module=module, enable_backward=False)
-    def update_solution_kernel(
+    """,
+    )
+    def update_solution(
         first: int,
         end: int,
         slab: int,
@@ -175,10 +169,7 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         solution: wp.array(dtype=scalar),
         residual: wp.array(dtype=scalar),
     ):
-        """x += alpha p, r -= alpha q but before the first iteration, a loop over the nodes of the range."""
-        if iteration[0] >= 0:
-            alpha = find_alpha(r_dot_z, p_dot_q, iteration[0], ranges)
-            step_along_search(first, end, scalar(alpha), search, product, solution, residual)
+        """x += alpha p, r -= alpha q on the CPU, but before the first iteration."""
 
     @wp.kernel(module=module, enable_backward=False)
     def measure_kernel(
@@ -265,8 +256,8 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     return SimpleNamespace(
         reset=reset_kernel,
         start=start_kernel,
-        update_search=update_search_kernel,
-        update_solution=update_solution_kernel,
+        update_search=update_search,
+        update_solution=update_solution,
         measure=measure_kernel,
         test_convergence=test_convergence_kernel,
     )

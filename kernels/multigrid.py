@@ -428,7 +428,7 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         if k < end:
             own = r[k]
             if iteration[0] >= 0:
-                alpha = scalar(find_alpha(r_dot_z, p_dot_q, iteration[0], 1))
+                alpha = scalar(find_alpha(iteration, r_dot_z, p_dot_q, 1))
                 own -= alpha * q[k]
                 r[k] = own
                 x[k] = x[k] + alpha * p[k]

@@ -23,13 +23,17 @@ def four_types(scalar: type) -> str:
     return FOUR_TYPES.replace("REAL", "float" if scalar is wp.float32 else "double")
 
 
-def native_kernel(module: str, code: str) -> Callable[[Any], wp.Kernel]:
+class NativeKernel(wp.Kernel):
+    """A kernel whose item on the CPU is a range."""
+
+
+def native_kernel(module: str, code: str) -> Callable[[Any], NativeKernel]:
     """Makes a kernel of a stub, which names the arguments that the C++ code reads.
 
-    On the CPU a range is one item, which `first` begins; on CUDA `first` is the item.
+    On the CPU `first` begins the range; on CUDA it is the item.
     """
 
-    def decorate(stub: Any) -> wp.Kernel:
+    def decorate(stub: Any) -> NativeKernel:
         first, *others = stub.__annotations__
         rest = ", ".join(others)
         kernel = FunctionType(
@@ -38,6 +42,7 @@ def native_kernel(module: str, code: str) -> Callable[[Any], wp.Kernel]:
         kernel.__annotations__, kernel.__module__ = stub.__annotations__, stub.__module__
         kernel.__qualname__ = f"{stub.__qualname__}_kernel"
         body = f"def kernel({first}, {rest}):\n    run({first} + wp.tid(), {rest})"
-        return wp.Kernel(kernel, module=wp.get_module(module), options={"enable_backward": False}, source=body)
+        options = {"enable_backward": False}
+        return NativeKernel(kernel, module=wp.get_module(module), options=options, source=body)
 
     return decorate

@@ -188,11 +188,11 @@ def cuda_product_kernels(scalar: type) -> SimpleNamespace:
         if item < end and c < 3:
             k = 3 * i + c
             own = wp.where(c == 0, along[0], wp.where(c == 1, along[1], along[2]))
-            beta, negative_curvature = find_beta(r_dot_z, p_dot_q, j, 1)
+            beta = find_beta(iteration, r_dot_z, p_dot_q, 1)
             if j == 0:
                 p[k] = numbers_of_z[k]
                 q[k] = own
-            elif not negative_curvature:  # else p stays, for the host to go along it
+            elif not wp.isnan(beta):  # else p stays, for the host to go along it
                 p[k] = numbers_of_z[k] + scalar(beta) * p[k]
                 q[k] = own + scalar(beta) * q[k]
             product = wp.float64(p[k]) * wp.float64(q[k])

@@ -32,9 +32,9 @@ def visit_kernel(first: int, end: int, slab: int, step: int, visits: wp.array2d(
 
 def visits(threads: int, size: int, bounds: np.ndarray | None = None, least: int = 1) -> np.ndarray:
     """How often each range visited each item after two launches."""
-    parallel = Parallel("cpu", threads)
+    parallel = Parallel("cpu", threads, least_split=least)
     out = wp.zeros((threads, max(size, 1)), dtype=wp.int32, device="cpu")
-    launch = parallel.record(visit_kernel, size if bounds is None else bounds, [3], [out], least=least)
+    launch = parallel.record(visit_kernel, size if bounds is None else bounds, [3], [out])
     launch()
     launch()
     return out.numpy()[:, :size]
@@ -50,7 +50,7 @@ def test_every_item_once_by_one_range(threads: int, size: int) -> None:
 
 
 def test_given_bounds_are_kept_and_few_items_not_split() -> None:
-    """Below `least` the first range does all: waking a thread costs more than it saves."""
+    """Below `least_split` the first range does all: waking a thread costs more than it saves."""
     assert visits(2, 10, least=11).tolist() == [[6] * 10, [0] * 10]
     seen = visits(3, 10, np.array([0, 7, 7, 10]))
     assert [list(np.flatnonzero(row)) for row in seen] == [list(range(7)), [], [7, 8, 9]]
@@ -99,12 +99,10 @@ def count_down_kernel(left: wp.array(dtype=wp.int32)):
 
 @pytest.mark.parametrize("threads", [1, 2, 3, 5])
 def test_a_loop_does_its_launches_one_after_the_other(threads: int) -> None:
-    parallel, size, turns = Parallel("cpu", threads), 1001, 200
+    parallel, size, turns = Parallel("cpu", threads, least_split=1), 1001, 200
     one, other = (wp.zeros(size, dtype=wp.int32, device="cpu") for _ in range(2))
     left = wp.zeros(1, dtype=wp.int32, device="cpu")
-    there, back = (
-        parallel.record(pass_on_kernel, size, [a], [b], least=1) for a, b in ((one, other), (other, one))
-    )
+    there, back = (parallel.record(pass_on_kernel, size, [a], [b]) for a, b in ((one, other), (other, one)))
     count = parallel.record_undivided(count_down_kernel, 1, [], [left])
     run = parallel.graph(parallel.repeat(left, in_sequence(beside(count, there), back)))
     one.assign(np.arange(size, dtype=np.int32))

@@ -91,28 +91,29 @@ class DenseProduct:
     more digits, and the product is limited by the reading of the matrix.
     """
 
-    strips: wp.array
-    """A strip after strip of STRIP rows, each column after column, int16."""
+    strips: int
+    """The number of strips of STRIP rows."""
+    numbers: wp.array
+    """A strip after strip, each column after column, int16."""
 
     def __init__(self, model: Model, inverse: np.ndarray) -> None:
         """Uploads the inverse, shape (n, n)."""
         self._model, self._size = model, len(inverse)
-        size, rows = self._size, -(-self._size // STRIP) * STRIP
+        self.strips = -(-self._size // STRIP)
         root = np.sqrt(np.maximum(np.diagonal(inverse), np.finfo(np.float32).tiny))
-        numbers = np.zeros((rows, size), dtype=np.int16)
-        numbers[:size] = np.rint(inverse * (KEPT * WHOLE / root)[:, None] / root)
+        numbers = np.zeros((STRIP * self.strips, self._size), dtype=np.int16)
+        numbers[: self._size] = np.rint(inverse * (KEPT * WHOLE / root)[:, None] / root)
         np.fill_diagonal(numbers, WHOLE)
-        scale = np.zeros(rows)
-        scale[:size] = root / math.sqrt(WHOLE)
-        strips = numbers.reshape(-1, STRIP, size).transpose(0, 2, 1)
-        self.strips, self._scale = model.array(strips.ravel(), wp.int16), model.array(scale, model.scalar)
+        scale = np.zeros(len(numbers))
+        scale[: self._size] = root / math.sqrt(WHOLE)
+        numbers = numbers.reshape(-1, STRIP, self._size).transpose(0, 2, 1)
+        self.numbers, self._scale = model.array(numbers.ravel(), wp.int16), model.array(scale, model.scalar)
 
-    def record(self, residual: wp.array, solution: wp.array, iteration: wp.array) -> Launch:
-        """Records the product, and the counting of the iteration.
+    def record(self, residual: wp.array, solution: wp.array, iteration: wp.array, bounds: np.ndarray) -> Launch:
+        """Records the product, and the counting of the iteration, for bounds of the ranges of strips.
 
         Both vectors are of shape (n / 3 + STRIP,), vec3, of which n / 3 count."""
         model = self._model
         x, y = (view(vectors, model.scalar, 3 * len(vectors)) for vectors in (residual, solution))
-        bounds = model.parallel.split(len(self._scale) // STRIP)
-        given = [self._size, self.strips, self._scale, x]
-        return model.parallel.record_loops(cpu_grid_kernels(model.scalar).dense, bounds, given, [y, iteration])
+        given = [self._size, self.numbers, self._scale, x]
+        return model.parallel.record(cpu_grid_kernels(model.scalar).dense, bounds, given, [y, iteration])

@@ -107,7 +107,7 @@ class BlockMatrix:
     blocks: wp.array
     """The blocks, and others behind them, shape (more than blocks,), mat33."""
     bounds: np.ndarray
-    """The ranges of rows of the threads on the CPU, with equally many blocks, shape (ranges + 1,)."""
+    """The ranges of rows of the threads, with equally many blocks, shape (ranges + 1,)."""
     inverse_diagonal: wp.array
     """The inverse of each row's diagonal block, made positive, shape (free nodes,), mat33."""
 
@@ -115,9 +115,9 @@ class BlockMatrix:
         """Records the launches for a state, which may change between two assemblies."""
         self.model = model = state.model
         pattern, image, parallel = model.pattern, np.zeros(0), model.parallel
+        ranges = parallel.ranges if model.free_nodes >= parallel.least_split else 1
+        self.bounds = pattern.row_bounds(ranges)
         if not parallel.is_cuda:
-            ranges = parallel.ranges if model.free_nodes >= parallel.least_split else 1
-            self.bounds = pattern.row_bounds(ranges)
             pattern, image = pattern.upper_half(self.bounds)
         self.row_start = model.array(pattern.row_start, wp.int32)
         self.columns = model.array(pattern.columns, wp.int32)
@@ -140,6 +140,13 @@ class BlockMatrix:
         self.assemble_true: Launch = in_sequence(add("hessian"), *split_planes)
         """Sets the matrix to the true Hessian, which may be indefinite; `inverse_diagonal` stays positive."""
 
+    def split(self, size: int) -> np.ndarray:
+        """Bounds of equal ranges of [0, size) for the threads that share its rows, also of few items.
+
+        They meet after each launch of a program anyway.
+        """
+        return np.linspace(0, size, len(self.bounds)).astype(np.int64)
+
     def multiply(self, p: wp.array, q: wp.array, p_dot_q: Dots) -> Launch:
         """Records q = H p with p . q, for vectors of the free nodes, shape (free nodes,), vec3."""
         model = self.model
@@ -151,7 +158,7 @@ class BlockMatrix:
         carried = model.zeros(wp.types.vector(4, model.scalar), len(p))
         given = [self.row_start, self.columns, self.blocks, p_dot_q.iteration, p]
         changed = [q, p_dot_q.products, carried]
-        return model.parallel.record_loops(cpu_product_kernel(model.scalar), self.bounds, given, changed)
+        return model.parallel.record(cpu_product_kernel(model.scalar), self.bounds, given, changed)
 
     def update_search_and_multiply(self, at: Iterates) -> Launch:
         """Records p = z + beta p and q = H p with p . q."""
@@ -163,7 +170,7 @@ class BlockMatrix:
             size = LANES * model.free_nodes
             return model.parallel.record(kernel, size, [*given, z], [p, q, at.p_dot_q.products])
         update_search = conjugate_gradient_kernels(*model.variant).update_search
-        update = model.parallel.record_loops(update_search, self.bounds, [*at.scalars(model), z], [p])
+        update = model.parallel.record(update_search, self.bounds, [*at.scalars(model), z], [p])
         return in_sequence(update, self.multiply(at.search, at.product, at.p_dot_q))
 
     def update_solution(self, at: Iterates) -> Launch:
@@ -171,7 +178,7 @@ class BlockMatrix:
         model, kernels = self.model, conjugate_gradient_kernels(*self.model.variant)
         p, q, x, r = (view(v, model.scalar, 3 * len(v)) for v in (at.search, at.product, at.solution, at.residual))
         given = [*at.scalars(model), p, q]
-        return model.parallel.record_loops(kernels.update_solution, self.bounds, given, [x, r])
+        return model.parallel.record(kernels.update_solution, self.bounds, given, [x, r])
 
 
 class Outcome(Enum):

@@ -126,7 +126,6 @@ class Model:
             len(self.corners),
             [self.tets, self.elements.arrays, *inputs],
             outputs,
-            loops=not self.parallel.is_cuda,
             block=block,
         )
 

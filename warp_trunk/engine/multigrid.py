@@ -139,7 +139,7 @@ class CpuLevels:
     def step_and_apply(self, at: Iterates) -> Launch:
         """See `Preconditioner`."""
         matrix, groups, model = self._matrix, self._groups, self._matrix.model
-        kernels, record = cpu_grid_kernels(model.scalar), model.parallel.record_loops
+        kernels, record = cpu_grid_kernels(model.scalar), model.parallel.record
         r, z, dots, diagonal = at.residual, at.preconditioned, at.r_dot_z, matrix.inverse_diagonal
         bounds, members = matrix.bounds, [groups.member_of, groups.correction]
         down: list[Launch] = []
@@ -154,9 +154,9 @@ class CpuLevels:
             interpolate = [diagonal, *level.interpolation.by_point, correction, *members, r]
             up.append(record(kernels.prolong, bounds, interpolate, [z, dots.iteration, dots.products]))
             r, z, dots, diagonal = residual, correction, Dots.zero(model), level.inverse_diagonal
-            bounds = np.linspace(0, level.vertices, len(matrix.bounds))
+            bounds = matrix.split(level.vertices)
             members = [model.zeros(wp.int32, 0), model.zeros(model.vec3, 0)]
-        solve = self._inverse.record(r, z, at.r_dot_z.iteration)
+        solve = self._inverse.record(r, z, at.r_dot_z.iteration, matrix.split(self._inverse.strips))
         correct = groups.correct(at.residual)
         return in_sequence(matrix.update_solution(at), beside(correct, in_sequence(*down)), solve, *up[::-1])
 
@@ -289,7 +289,7 @@ def grid_matrix(matrix: BlockMatrix, whole: _Interpolation, size: int) -> np.nda
     dense = model.zeros(wp.float64, ranges, 3 * size, 3 * size)
     model.parallel.record(
         grid_matrix_kernels(model.scalar, 1).grid_matrix,
-        np.linspace(0, model.free_nodes, ranges + 1).astype(np.int64),
+        np.linspace(0, model.free_nodes, ranges + 1),
         [matrix.row_start, matrix.columns, matrix.blocks, *whole.by_point],
         [dense],
     )()

@@ -58,22 +58,18 @@ class NodeGroups:
         self.group_of = model.array(np.repeat(np.arange(len(groups)), count), wp.int32)
         self.member_of = model.array(member_of, wp.int32)
         self.correction = model.zeros(model.vec3, max(len(nodes), 1))
-        self._kernels, cuda = node_group_kernels(*model.variant), model.parallel.is_cuda
+        self._correct, self._bounds = node_group_kernels(*model.variant).correct, matrix.split(len(groups))
         self.update: Launch = model.parallel.record(
-            self._kernels.invert,
-            WARP * len(groups) if cuda else len(groups),
+            node_group_kernels(*model.variant).invert,
+            (WARP if model.parallel.is_cuda else 1) * self._bounds,
             [*where, model.array(block_of, wp.int32), matrix.blocks, matrix.inverse_diagonal],
             [inverse],
-            least=0,
-            loops=not cuda,
         )
         """Sets the groups' blocks to those of the matrix as it is, projected, and inverts them."""
 
     def correct(self, r: wp.array) -> Launch:
         """Records, on the CPU, the corrections for a residual of the free nodes, shape (free nodes,), vec3."""
-        parallel, given = self._model.parallel, [*self.given, r]
-        bounds = parallel.split(len(self.members))
-        return parallel.record_loops(self._kernels.correct, bounds, given, [self.correction])
+        return self._model.parallel.record(self._correct, self._bounds, [*self.given, r], [self.correction])
 
 
 def tie(rows: np.ndarray, columns: np.ndarray, blocks: np.ndarray, size: int) -> list[list[int]]:

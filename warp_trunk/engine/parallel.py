@@ -26,6 +26,7 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.errors import InputError
+from warp_trunk.kernels.native import NativeKernel
 from warp_trunk.kernels.starting import start_warp
 from warp_trunk.kernels.synchronization import (
     BOARD_SIZE,
@@ -155,35 +156,25 @@ class Parallel:
         size: int | np.ndarray,
         inputs: Sequence[Any],
         outputs: Sequence[Any],
-        least: int | None = None,
-        *,
-        loops: bool = False,
         block: int = CUDA_BLOCK,
     ) -> Launch:
         """A launch of `kernel(first, end, slab, *inputs, *outputs)` to call many times.
 
-        `size` is the number of items, or the bounds of the ranges where they should not be equal. Fewer
-        items than `least` are not split; `least_split` where it is left out. A kernel that `loops` over a range
-        itself, on the CPU, is launched once for each. `block` is the number of threads of a CUDA block.
+        `size` is the number of items, which are not split where they are fewer than `least_split`, or the bounds
+        of the ranges. A `NativeKernel` loops over a range itself on the CPU. `block` is the number of threads of a
+        CUDA block.
         """
-        bounds = self.split(size) if isinstance(size, int) else size
-        if bounds[-1] < (self.least_split if least is None else least):
-            bounds = bounds[[0, -1]]
+        bounds = size
+        if isinstance(size, int):
+            bounds = self.split(size) if size >= self.least_split else np.array([0, size])
         commands: list[Any] = []
-        for slab, (first, end) in enumerate(pairwise(bounds.tolist())):
-            dim = 1 if loops else -(-(end - first) // block) * block if self.is_cuda else end - first
+        for slab, (first, end) in enumerate(pairwise(bounds.astype(np.int64).tolist())):
+            dim = -(-(end - first) // block) * block if self.is_cuda else end - first
+            if isinstance(kernel, NativeKernel) and not self.is_cuda:
+                dim = 1
             given = [first, end, slab, *inputs]
             commands.append(self._command(kernel, dim, given, outputs, block) if first < end else None)
         return self._launch(commands)
-
-    def record_loops(
-        self, kernel: Any, bounds: np.ndarray, inputs: Sequence[Any], outputs: Sequence[Any]
-    ) -> Launch:
-        """A launch on the CPU of a kernel that loops over each range of given bounds, also of few items.
-
-        The threads meet after each launch of a program anyway.
-        """
-        return self.record(kernel, bounds.astype(np.int64), inputs, outputs, least=0, loops=True)
 
     def record_undivided(self, kernel: Any, size: int, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
         """A launch of `kernel(*inputs, *outputs)` that is not split: the few items are not worth a thread."""
@@ -213,7 +204,7 @@ class Parallel:
         """A launch that sets an array to zero; on the CPU all threads do."""
         if self.is_cuda:
             return array.zero_
-        return self.record(clear_kernel, array.size * _size_of(array), [], [_bytes(array)], loops=True)
+        return self.record(clear_kernel, array.size * _size_of(array), [], [_bytes(array)])
 
     def gather(self, slabs: wp.array, scalar: Any) -> Launch:
         """A launch that adds up the slabs of an accumulator, shape (ranges, ...), into the first one."""
@@ -221,7 +212,7 @@ class Parallel:
             return nothing
         size = slabs.size * _size_of(slabs) // wp.types.type_size_in_bytes(scalar) // self.ranges
         given = [self.ranges, size, view(slabs, scalar, self.ranges * size)]
-        return self.record(slab_gatherer(scalar), size, given, [], loops=True)
+        return self.record(slab_gatherer(scalar), size, given, [])
 
     def repeat(self, running: wp.array, work: Launch) -> Launch:
         """A launch of recorded work, once and again as long as the first number of `running` is not 0 after it.

@@ -79,7 +79,8 @@ def test_its_product_in_16_bits(nodes: int, threads: int, precision: str) -> Non
     solution = model.zeros(model.vec3, nodes + 16)
     product, iteration = DenseProduct(model, matrix), model.zeros(wp.int32, 1)
     for _ in range(2):  # nothing is left of the product before
-        product.record(model.array(x, model.vec3), solution, iteration)()
+        bounds = model.parallel.split(product.strips)
+        product.record(model.array(x, model.vec3), solution, iteration, bounds)()
     assert iteration.numpy()[0] == 2
     found, wanted = solution.numpy().ravel()[: 3 * nodes], matrix @ x[:nodes].ravel()
     root = np.sqrt(np.diagonal(matrix))
@@ -103,6 +104,6 @@ def test_it_stays_positive_in_16_bits() -> None:
     half, _ = in_half_precision(inverse)
     assert np.linalg.eigvalsh(half[:, :grid].astype(float))[0] > 0.0
     model = model_of(block((2, 2, 2)), threads=1, precision="float32")
-    strips = DenseProduct(model, inverse).strips.numpy().reshape(-1, grid, STRIP)
+    strips = DenseProduct(model, inverse).numbers.numpy().reshape(-1, grid, STRIP)
     numbers = strips.transpose(0, 2, 1).reshape(-1, grid)
     assert np.linalg.eigvalsh(numbers[:grid, :grid].astype(float))[0] > 0.0
