@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from support.meshes import block, block_with_bone, single_tet
-from warp_trunk.engine.coupling import coupling_pattern
 from warp_trunk.engine.topology import (
     EDGES,
     FACES,
@@ -45,28 +44,26 @@ def test_edges_and_faces_are_counted(name: str) -> None:
 
 @pytest.mark.parametrize("name", MESHES)
 @pytest.mark.parametrize("part", [0.0, 0.6, 1.0])
-@pytest.mark.parametrize("couples", [False, True])
-def test_rows_list_the_neighbours_and_every_pair_has_its_block(name: str, part: float, couples: bool) -> None:
+def test_rows_list_the_neighbours_and_every_pair_has_its_block(name: str, part: float) -> None:
     tets = shuffled(MESHES[name])
     nodes = int(tets.max()) + 2  # one is in no tetrahedron
     size = int(part * nodes)
-    first, end = (size, nodes) if couples else (0, size)
-    neighbours: list[set[int]] = [set() if couples else {node} for node in range(size)]
+    neighbours = [{node} for node in range(size)]
     for tet in tets.tolist():
         for node in tet:
             if node < size:
-                neighbours[node] |= {other - first for other in tet if first <= other < end}
-    found = coupling_pattern(tets, size) if couples else square_pattern(tets, size)
+                neighbours[node] |= {other for other in tet if other < size}
+    found = square_pattern(tets, size)
     start, columns = found.row_start, found.columns
     assert [columns[start[i] : start[i + 1]].tolist() for i in range(size)] == [sorted(row) for row in neighbours]
     assert found.rows.tolist() == [row for row in range(size) for _ in neighbours[row]]
     for tet, blocks in zip(tets.tolist(), found.block_of.reshape(-1, 4, 4), strict=True):
         for a, row in enumerate(tet):
             for b, column in enumerate(tet):
-                inside = row < size and first <= column < end
+                inside = row < size and column < size
                 assert (blocks[a, b] >= 0) == inside
                 if inside:
-                    assert (found.rows[blocks[a, b]], columns[blocks[a, b]]) == (row, column - first)
+                    assert (found.rows[blocks[a, b]], columns[blocks[a, b]]) == (row, column)
 
 
 def test_pieces_have_the_number_of_their_lowest_node() -> None:

@@ -27,33 +27,31 @@ BLOCK = 64
 """Threads of a CUDA block of a Hessian; of larger ones, which need many registers, fewer run at once."""
 
 
-def assembly_of_blocks(model: Model, block_of: np.ndarray, size: int) -> AddedBlocks | GatheredBlocks:
-    """The assembly of blocks of which none is the mirror image of another.
+def assemble_symmetric(
+    model: Model, pattern: Pattern, bounds: np.ndarray
+) -> tuple[Pattern, AddedBlocks | GatheredBlocks]:
+    """The assembly of a symmetric matrix: blocks on and above its diagonal are added up, the others are images.
+
+    On the CPU only the former have a place, and those below it between two ranges of rows (`Pattern.upper_half`);
+    on CUDA all have.
 
     Args:
         model: the trunk.
-        block_of: the block of corner pair (row, column) of each tetrahedron, -1 for none, shape (tets, 16), int32;
-            of a pair and the pair turned round one at most.
-        size: number of blocks, all of them in `block_of`.
-    """
-    if model.parallel.is_cuda:
-        return GatheredBlocks(model, block_of, np.arange(size, dtype=np.int32))
-    return AddedBlocks(model, block_of, np.full(size, -1))
+        pattern: all blocks.
+        bounds: the ranges of rows.
 
-
-def assembly_of_rows(model: Model, pattern: Pattern, image: np.ndarray) -> AddedBlocks | GatheredBlocks:
-    """The assembly of a symmetric matrix: blocks on and above its diagonal are added up, the others are images.
-
-    `image` is the image of each block that the pattern has, -1 for none; CUDA reads the pattern of all blocks.
+    Returns:
+        The blocks that have a place, and their assembly.
     """
     if not model.parallel.is_cuda:
-        return AddedBlocks(model, pattern.block_of, image)
+        pattern, image = pattern.upper_half(bounds)
+        return pattern, AddedBlocks(model, pattern.block_of, image)
     rows, columns = pattern.rows, pattern.columns
     size, upper = len(pattern.row_start) - 1, np.flatnonzero(columns > rows)
     number = np.full(len(columns), -1, dtype=np.int32)
     number[columns == rows] = np.arange(size)  # with most parts, and so first
     number[upper] = np.arange(len(upper)) + size
-    return GatheredBlocks(model, pattern.block_of, number, symmetric=size)
+    return pattern, GatheredBlocks(model, pattern.block_of, number, size)
 
 
 class AddedBlocks:
@@ -127,7 +125,7 @@ class GatheredBlocks:
     blocks: wp.array
     """The sums, shape (at least blocks + 1,), mat33."""
 
-    def __init__(self, model: Model, block_of: np.ndarray, number: np.ndarray, symmetric: int = 0) -> None:
+    def __init__(self, model: Model, block_of: np.ndarray, number: np.ndarray, symmetric: int) -> None:
         """`number` is the place of each block in the order of gathering, -1 for those that are images.
 
         The `symmetric` first ones are on the diagonal.

@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from .assembly import assembly_of_blocks
+from .assembly import assemble_symmetric
 from .state import State
-from .topology import Pattern, places_of_blocks, unique_edges
+from .topology import square_pattern
 
 
 class Coupling:
     """d(gradient of the free nodes) / d(position of the prescribed ones) at a state, on the host in float64."""
 
     def __init__(self, state: State) -> None:
-        """Takes it from the Hessian at the state as it is now; nothing of it is projected."""
+        """Takes it from the Hessian of all nodes at the state as it is now; nothing of it is projected."""
         model = state.model
         self._free, self._prescribed = model.free_nodes, model.nodes - model.free_nodes
-        pattern = coupling_pattern(model.stencils, model.free_nodes)
-        self._row, self._column = pattern.rows, pattern.columns
-        assembly = assembly_of_blocks(model, pattern.block_of, len(self._row))
-        if len(self._row):
-            assembly.at(state.displacement)("hessian")()
-        self._blocks = assembly.blocks.numpy()[: len(self._row)].astype(np.float64)
+        whole = square_pattern(model.stencils, model.nodes)
+        pattern, assembly = assemble_symmetric(model, whole, np.array([0, model.nodes]))
+        assembly.at(state.displacement)("hessian")()
+        across = np.flatnonzero((pattern.rows < self._free) & (pattern.columns >= self._free))
+        self._row, self._column = pattern.rows[across], pattern.columns[across] - self._free
+        self._blocks = assembly.blocks.numpy()[across].astype(np.float64)
 
     def times(self, moved: np.ndarray) -> np.ndarray:
         """Change of gradients (fields, free, 3) by moving prescribed nodes (fields, prescribed, 3)."""
@@ -36,16 +36,3 @@ class Coupling:
         for total, by in zip(sums, weights, strict=True):
             np.add.at(total, self._column, np.einsum("bji,bj->bi", self._blocks, by[self._row]))
         return sums
-
-
-def coupling_pattern(stencils: np.ndarray, size: int) -> Pattern:
-    """The blocks of the first `size` nodes (rows) with all others (columns, numbered from 0)."""
-    edges, edge_of = unique_edges(stencils)
-    across = np.flatnonzero((edges[:, 0] < size) & (edges[:, 1] >= size))
-    low, high = edges[across].T
-    none = np.full(len(edges), -1, dtype=np.int32)
-    upper = none.copy()
-    upper[across] = np.arange(len(across))
-    row_start = np.searchsorted(low, np.arange(size + 1)).astype(np.int32)
-    block_of = places_of_blocks(stencils, edge_of, np.full_like(stencils, -1), upper, none)
-    return Pattern(row_start, (high - size).astype(np.int32), block_of)

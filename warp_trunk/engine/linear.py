@@ -22,10 +22,11 @@ from warp_trunk.kernels.conjugate_gradient import (
 from warp_trunk.kernels.sparse import LANES, PLANES, cpu_product_kernel, cuda_product_kernels, diagonal_inverter
 from warp_trunk.kernels.vectors import vector_kernels
 
-from .assembly import assembly_of_rows
+from .assembly import assemble_symmetric
 from .model import Model
 from .parallel import Launch, Readback, in_sequence, view
 from .state import State
+from .topology import equal_parts
 
 WINDOW = 4
 """Iterations between two tests of convergence. With 8, the papers' way took 448 iterations instead of 288."""
@@ -114,15 +115,13 @@ class BlockMatrix:
     def __init__(self, state: State) -> None:
         """Records the launches for a state, which may change between two assemblies."""
         self.model = model = state.model
-        pattern, image, parallel = model.pattern, np.zeros(0), model.parallel
+        parallel = model.parallel
         ranges = parallel.ranges if model.free_nodes >= parallel.least_split else 1
-        self.bounds = pattern.row_bounds(ranges)
-        if not parallel.is_cuda:
-            pattern, image = pattern.upper_half(self.bounds)
+        self.bounds = equal_parts(model.pattern.row_start, ranges)
+        pattern, assembly = assemble_symmetric(model, model.pattern, self.bounds)
         self.row_start = model.array(pattern.row_start, wp.int32)
         self.columns = model.array(pattern.columns, wp.int32)
         diagonal = model.array(np.flatnonzero(pattern.columns == pattern.rows), wp.int32)
-        assembly = assembly_of_rows(model, pattern, image)
         self.blocks, add = assembly.blocks, assembly.at(state.displacement)
         split_planes: list[Launch] = []
         if parallel.is_cuda:  # its product reads each of the nine numbers of the blocks in a plane of its own

@@ -45,10 +45,6 @@ class Pattern:
         row_start = np.searchsorted(rows[kept], np.arange(len(self.row_start)))
         return Pattern(row_start.astype(np.int32), columns[kept], number[self.block_of]), image[kept]
 
-    def row_bounds(self, ranges: int) -> np.ndarray:
-        """Ranges of rows with equally many blocks, for the threads, shape (ranges + 1,)."""
-        return equal_parts(self.row_start, ranges)
-
 
 def equal_parts(row_start: np.ndarray, ranges: int) -> np.ndarray:
     """Ranges of rows with equally many entries, by the first of each row and the end, shape (ranges + 1,)."""
@@ -77,20 +73,13 @@ def square_pattern(stencils: np.ndarray, size: int) -> Pattern:
     diagonal = np.append(diagonal, -1).take(np.minimum(stencils, size))
     row_start = np.searchsorted(keys[order], np.arange(size + 1) * max(size, 1)).astype(np.int32)
     columns = (keys[order] % max(size, 1)).astype(np.int32)
-    return Pattern(row_start, columns, places_of_blocks(stencils, edge_of, diagonal, upper, lower))
-
-
-def places_of_blocks(
-    stencils: np.ndarray, edge_of: np.ndarray, diagonal: np.ndarray, upper: np.ndarray, lower: np.ndarray
-) -> np.ndarray:
-    """`Pattern.block_of`, by the block of each corner and those of each edge above and below the diagonal."""
     block_of = np.empty((len(stencils), 16), dtype=np.int32)
     block_of[:, ::5] = diagonal
     for edge, (a, b) in zip(edge_of.T, EDGES, strict=True):
         ascending, above, below = stencils[:, a] < stencils[:, b], upper.take(edge), lower.take(edge)
         block_of[:, 4 * a + b] = np.where(ascending, above, below)
         block_of[:, 4 * b + a] = np.where(ascending, below, above)
-    return block_of
+    return Pattern(row_start, columns, block_of)
 
 
 def unique_edges(stencils: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
