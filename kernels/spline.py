@@ -7,6 +7,7 @@ wp.set_module_options({"enable_backward": False})
 
 @wp.kernel
 def spline_displacement(
+    first: wp.int32,
     points: wp.array(dtype=wp.vec3d),
     centres: wp.array(dtype=wp.vec3d),
     weights: wp.array(dtype=wp.vec3d),
@@ -15,7 +16,7 @@ def spline_displacement(
     displacement: wp.array(dtype=wp.vec3d),
 ):
     """u(x) = a + B x + sum_i w_i |x - c_i|."""
-    p = wp.tid()
+    p = first + wp.tid()
     x = points[p]
     u = constant + linear * x
     for i in range(centres.shape[0]):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.engine.parallel import usable_cores
 from warp_trunk.engine.trunk_mesh import tet_volumes
 from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.spline import SplineSums, fit_spline, spread_centres
@@ -152,7 +153,7 @@ def extended_displacement(
     spline = fit_spline(points[chosen], points[chosen] + moved[chosen], drift="constant")
     displacement = spline.displacement(nodes, device)
     left = moved - displacement[held]
-    distance, near = KDTree(points).query(nodes, k=min(_NEAREST, len(points)))
+    distance, near = KDTree(points).query(nodes, k=min(_NEAREST, len(points)), workers=usable_cores())
     distance, near = distance.reshape(len(nodes), -1), near.reshape(len(nodes), -1)
     weight = 1.0 / np.maximum(distance, 1e-9)
     weight *= (np.maximum(0.0, 1.0 - distance[:, 0] / _CLOSE) / weight.sum(axis=1))[:, None]

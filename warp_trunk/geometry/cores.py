@@ -18,16 +18,18 @@ _LEAST = 20_000
 """Fewer items are run by the calling thread alone."""
 
 
-def launch_over_cores(kernel: Any, size: int, inputs: Sequence[Any], outputs: Sequence[Any]) -> None:
+def launch_over_cores(
+    kernel: Any, size: int, inputs: Sequence[Any], outputs: Sequence[Any], device: str = "cpu"
+) -> None:
     """Runs `kernel(first, *inputs, *outputs)`, which works on item `first + tid`, on `size` items.
 
     Warp lets go of the interpreter while a kernel runs on the CPU, where it has one thread for a launch.
     """
 
     def one(part: tuple[int, int]) -> None:
-        wp.launch(kernel, dim=part[1] - part[0], inputs=[part[0], *inputs], outputs=outputs, device="cpu")
+        wp.launch(kernel, dim=part[1] - part[0], inputs=[part[0], *inputs], outputs=outputs, device=device)
 
-    if size < _LEAST:
+    if size < _LEAST or device != "cpu":
         one((0, size))
         return
     one((0, 1))  # alone, so that the kernel is compiled once

@@ -13,6 +13,8 @@ from warp_trunk.errors import InputError
 from warp_trunk.kernels.spline import spline_displacement, spline_gradient
 from warp_trunk.kernels.starting import start_warp
 
+from .cores import launch_over_cores
+
 _VECTOR: Any = wp.vec3d  # Any: warp's stubs know scalar types only
 _MATRIX: Any = wp.mat33d
 MOST_NUGGET = 1e12
@@ -55,7 +57,7 @@ class Spline:
         start_warp()
         out = wp.empty(len(points), dtype=_VECTOR, device=device)
         inputs = [*self._arrays(points, device), _VECTOR(*self.constant), _MATRIX(*self.linear.ravel())]
-        wp.launch(spline_displacement, dim=len(points), inputs=inputs, outputs=[out], device=device)
+        launch_over_cores(spline_displacement, len(points), inputs, [out], device)
         return out.numpy().copy()
 
     def bending(self, points: np.ndarray) -> np.ndarray:
