@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import Surface, area_vectors, unit
+from warp_trunk.geometry.surface import Surface, area_vectors, directed_edges, unit
 from warp_trunk.geometry.surface_checks import linked_parts
 
 from .spine import asis_axis, spine_of
@@ -123,8 +123,6 @@ def skin_change(before: Surface, predicted: Surface) -> SkinChange:
     Raises:
         InputError: skins of other triangles, or a triangle without area before.
     """
-    from trimesh.graph import face_adjacency  # heavy
-
     if before.vertices.shape != predicted.vertices.shape or not np.array_equal(before.faces, predicted.faces):
         raise InputError(
             "skin quality: the predicted skin must have the vertices and triangles of the skin before "
@@ -134,7 +132,7 @@ def skin_change(before: Surface, predicted: Surface) -> SkinChange:
     area = np.linalg.norm(area_vectors(before.vertices, before.faces), axis=1)
     if not (area > 0.0).all():
         raise InputError("skin quality: a triangle of the skin before has no area; merge vertices that coincide")
-    pairs = face_adjacency(before.faces)  # the two faces at each edge of a closed 2-manifold
+    pairs = _neighbours(before.faces)
     fold = _angles(predicted, pairs) - _angles(before, pairs)
     centroids = before.vertices[before.faces].mean(axis=1)
     apart = np.linalg.norm(centroids[pairs[:, 0]] - centroids[pairs[:, 1]], axis=1)
@@ -167,6 +165,17 @@ def _middle_of_largest(part: np.ndarray, change: SkinChange, middle: np.ndarray)
     size = np.bincount(label[part], change.area[part])
     largest = part & (label == size.argmax())
     return np.average(middle[largest], axis=0, weights=change.area[largest])
+
+
+def _neighbours(faces: np.ndarray) -> np.ndarray:
+    """The two faces at each edge of a closed 2-manifold, shape (edges, 2).
+
+    To import trimesh, which has them too, takes a twentieth of a simulation."""
+    first, second = directed_edges(faces)
+    edge = np.minimum(first, second) * (first.max(initial=0) + 1) + np.maximum(first, second)
+    order = np.argsort(edge, kind="stable")
+    twice = np.flatnonzero(np.diff(edge[order]) == 0)
+    return np.stack([order[twice], order[twice + 1]], axis=1) // 3
 
 
 def _angles(surface: Surface, pairs: np.ndarray) -> np.ndarray:
