@@ -10,7 +10,9 @@ import pytest
 import warp_trunk
 from support.audited import audited
 from support.breaking import content, text
+from support.small_case import small_case
 from warp_trunk.case import read_case
+from warp_trunk.io.surface_files import read_surface, write_surface
 
 
 def as_on_a_mac(folder: Path) -> None:
@@ -18,6 +20,13 @@ def as_on_a_mac(folder: Path) -> None:
         (path / ".DS_Store").write_bytes(b"\x00")
         (path / "._skin.ply").write_bytes(b"\x00")
     (folder / "bones" / "notes.ply").mkdir()
+    (folder / "bones" / "notes.txt").write_text("not a bone")
+
+
+def in_stl(folder: Path) -> None:
+    for name in ("skin", "bones/T7"):
+        write_surface(folder / f"{name}.stl", read_surface(folder / f"{name}.ply"))
+        (folder / f"{name}.ply").unlink()
 
 
 def linked(folder: Path) -> None:
@@ -29,6 +38,7 @@ ODD = [
     ("spaces and letters of other alphabets",
      lambda f: (f / "bones" / "rib_left_07.ply").rename(f / "bones" / "T7 – Wirbel μ.ply")),
     ("hidden files and folders", as_on_a_mac),
+    ("surfaces of another format", in_stl),
     ("a byte order mark", content("landmarks_after.csv", lambda b: b"\xef\xbb\xbf" + b.replace(b"\n", b"\r\n"))),
     ("a mark before TOML", content("case.toml", lambda b: b"\xef\xbb\xbf" + b)),
     ("nothing in case.toml", content("case.toml", lambda b: b"")),
@@ -46,7 +56,8 @@ ODD = [
 @pytest.mark.parametrize("row", ODD, ids=lambda row: row[0])
 def test_what_is_only_odd_is_read(case, row):
     row[1](case)
-    assert len(read_case(case).bones) == 7
+    read = read_case(case)
+    assert (len(read.bones), len(read.skin.vertices)) == (7, len(small_case().skin.vertices))
 
 
 def test_folders_may_be_named_in_any_way_and_be_links(good_case, tmp_path):

@@ -1,25 +1,30 @@
-"""How bones move on the phantom, whose landmarks follow known motions, and on real anatomy."""
+"""How pelvis, ribs and sternum follow landmarks that move in known ways, on the phantom and real anatomy."""
 
 import os
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from support.anatomy import anatomy
 from warp_trunk.bone_motion import articulation
-from warp_trunk.bone_motion.rib_cage import ends
+from warp_trunk.bone_motion.rib_cage import RibCage, ends
+from warp_trunk.bone_motion.rib_cage import follow as follow_cage
 from warp_trunk.bone_motion.skeleton import Skeleton
+from warp_trunk.bone_motion.vertebra_motion import Vertebrae
 from warp_trunk.case.case import Pose
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.rib_coupling import RibCoupling
 from warp_trunk.geometry.distance_field import SurfaceDistance
-from warp_trunk.geometry.rigid import RigidMotion
+from warp_trunk.geometry.rigid import NamedMotions, RigidMotion, fit_rigid
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import read_surface, surface_files
 from warp_trunk.preparation.deformity import SpineCurve, make_case
+from warp_trunk.preparation.deformity.spine_curve import vertebra_poses
 from warp_trunk.preparation.phantom import straight_trunk
 from warp_trunk.run.patient import motions_of
 
@@ -167,3 +172,148 @@ def test_a_clavicle_keeps_both_of_its_joints() -> None:
     for neighbour in ("sternum", "scapula_left"):
         joint = ends(bones[clavicle], bones[neighbour])[0]
         assert np.linalg.norm(motions[clavicle].apply(joint) - motions[neighbour].apply(joint)) < 4.0
+
+
+SKIN, BONES, LANDMARKS = straight_trunk()
+NO_STERNUM = {name: bone for name, bone in BONES.items() if name != "sternum"}
+RIBS = [name for name in BONES if name.startswith("rib")]
+
+
+def vertebrae_of(curve: SpineCurve) -> Vertebrae:
+    poses = vertebra_poses(LANDMARKS, curve)
+    axes = np.array([[pose.before, pose.axis] for pose in poses.values()])
+    return Vertebrae(tuple(poses), RigidMotion.stack(pose.motion for pose in poses.values()), axes)
+
+
+CURVED = vertebrae_of(SpineCurve(cobb=40.0))
+UPRIGHT = np.array([[np.zeros(3), [0.0, 0.0, 1.0]]])
+
+
+def follow(
+    bones: dict[str, Surface],
+    vertebrae: Vertebrae,
+    coupling: RibCoupling,
+    known: dict[str, RigidMotion] | None = None,
+) -> NamedMotions:
+    return follow_cage(RibCage(bones, vertebrae.levels), vertebrae, coupling, known)
+
+
+def moved_vertebra(level: str) -> RigidMotion:
+    return CURVED.motion[CURVED.levels.index(level)]
+
+
+def vertebra(rib: str) -> str:
+    return f"T{int(rib[-2:])}"
+
+
+def turned(motion: RigidMotion) -> float:
+    """Turn about the vertical [degrees]."""
+    return float(np.degrees(Rotation.from_matrix(motion.rotation).as_euler("YXZ")[2]))
+
+
+def test_heads_stay_at_their_facets_and_ribs_keep_their_shape() -> None:
+    motions = follow(BONES, CURVED, RibCoupling())
+    for rib in RIBS:
+        head, _ = ends(BONES[rib], BONES[vertebra(rib)])
+        there = moved_vertebra(vertebra(rib)).apply(head)
+        np.testing.assert_allclose(motions[rib].apply(head), there, atol=1e-9)
+
+
+def test_without_a_sternum_a_rib_takes_just_its_shares() -> None:
+    shares = RibCoupling(axial_rotation=0.5, lateral_bending=0.2, reversible_part=0.6, upper=0.0)
+    motions = follow(NO_STERNUM, CURVED, shares)
+    for rib in ("rib_left_06", "rib_right_03"):
+        motion, moving = motions[rib], CURVED.parts([vertebra(rib)])
+        assert np.radians(turned(motion)) == pytest.approx(0.6 * 0.5 * moving.axial_rotation[0], rel=0.1)
+        axis = motion.rotation @ vertebra_poses(LANDMARKS, SpineCurve())[vertebra(rib)].axis
+        assert np.arctan2(axis[0], axis[2]) == pytest.approx(0.6 * 0.2 * moving.lateral_bending[0], abs=1e-9)
+
+
+def test_what_a_front_end_lacks_of_the_shift_turns_the_rib_about_its_head() -> None:
+    way = Vertebrae(("T8",), RigidMotion(np.eye(3)[None], np.array([[20.0, 0.0, 0.0]])), UPRIGHT)
+    whole, part = (follow(NO_STERNUM, way, RibCoupling(shift=shift))["rib_left_08"] for shift in (1.0, 0.8))
+    head, tip = ends(BONES["rib_left_08"], BONES["T8"])
+    assert whole.apply(tip)[0] - tip[0] == pytest.approx(20.0, abs=1e-9)
+    assert part.apply(head)[0] - head[0] == pytest.approx(20.0, abs=1e-9)
+    assert part.apply(tip)[0] - tip[0] < 17.0
+
+
+def test_cartilages_keep_their_length_within_a_tenth() -> None:
+    for curve in (SpineCurve(cobb=40.0), SpineCurve(kind="double_major", cobb=40.0)):
+        motions = follow(BONES, vertebrae_of(curve), RibCoupling())
+        sternum = BONES["sternum"].vertices
+        for rib in RIBS:
+            if int(rib[-2:]) <= 7:
+                _, tip = ends(BONES[rib], BONES[vertebra(rib)])
+                anchor = sternum[np.linalg.norm(sternum - tip, axis=1).argmin()]
+                before = np.linalg.norm(tip - anchor)
+                after = np.linalg.norm(motions[rib].apply(tip) - motions["sternum"].apply(anchor))
+                assert abs(after - before) <= 0.1 * before + 0.011
+
+
+def directly(degrees: float) -> Vertebrae:
+    """The motions of the curve, with so much of each vertebra's turn forced by screws."""
+    return CURVED._replace(coupled=CURVED.parts(CURVED.levels).axial_rotation - np.radians(degrees))
+
+
+@pytest.mark.parametrize("degrees", [-4.0, 4.0, 25.0])
+def test_where_screws_turn_a_vertebra_its_ribs_lag_within_the_facets(degrees: float) -> None:
+    motions = follow(NO_STERNUM, directly(degrees), RibCoupling())
+    gaps = []
+    for rib in RIBS:
+        head, _ = ends(BONES[rib], BONES[vertebra(rib)])
+        gaps.append(np.linalg.norm(motions[rib].apply(head) - moved_vertebra(vertebra(rib)).apply(head)))
+    assert 0.5 < max(gaps) <= 3.0 + 1e-9
+
+
+def test_ribs_take_a_share_of_their_own_of_what_screws_turn() -> None:
+    shares = RibCoupling(axial_rotation=0.6, reversible_part=0.5, derotation_transfer=0.2)
+    rib = "rib_left_06"
+    part, all_ = (follow(NO_STERNUM, motions, shares)[rib] for motions in (directly(5.0), CURVED))
+    assert turned(part) - turned(all_) == pytest.approx((0.2 - 0.5 * 0.6) * 5.0, abs=0.1)
+    whole = follow(NO_STERNUM, directly(5.0), replace(shares, derotation_transfer=1.0))[rib]
+    head, _ = ends(BONES[rib], BONES["T6"])
+    np.testing.assert_allclose(whole.apply(head), moved_vertebra("T6").apply(head), atol=1e-9)
+
+
+def test_ribs_below_the_seventh_take_a_part_of_the_tilt_that_grows_downwards() -> None:
+    bones = {name: bone for name, bone in NO_STERNUM.items() if not name.endswith(("_07", "_09"))}
+    level, some = (follow(bones, CURVED, RibCoupling(floating=share)) for share in (0.0, 0.5))
+
+    def leaned(rib: str) -> float:
+        axis = vertebra_poses(LANDMARKS, SpineCurve())[vertebra(rib)].axis
+        one, other = (motions[rib].rotation @ axis for motions in (level, some))
+        return float(np.arctan2(other[0], other[2]) - np.arctan2(one[0], one[2]))
+
+    assert leaned("rib_left_06") == pytest.approx(0.0, abs=1e-12)
+    for rib, part in (("rib_left_08", 0.2), ("rib_left_11", 0.8), ("rib_right_12", 1.0)):
+        assert leaned(rib) == pytest.approx(
+            part * 0.5 * CURVED.parts([vertebra(rib)]).lateral_bending[0], abs=2e-3
+        )
+
+
+def test_sternum_and_shoulder_blade_are_nearest_to_what_carries_them() -> None:
+    """Of ribs each of which moves on its own: the rigid motion fitted to the points that carry, all together."""
+    bones, random = {**BONES, "scapula_left": BONES["rib_left_05"]}, np.random.default_rng(2)
+    known = {rib: RigidMotion.exp(random.normal(size=6) * [0.1, 0.1, 0.1, 9.0, 9.0, 9.0]) for rib in RIBS}
+    found = follow(bones, CURVED, RibCoupling(), known)
+    tips = {rib: ends(BONES[rib], BONES[vertebra(rib)])[1][None] for rib in RIBS if int(rib[-2:]) <= 7}
+    near = {rib: BONES[rib].vertices for rib in (f"rib_left_{number:02d}" for number in range(2, 8))}
+    tree = KDTree(bones["scapula_left"].vertices)
+    near = {rib: points[tree.query(points)[0] <= 20.0] for rib, points in near.items()}
+    for bone, parts in (("sternum", tips), ("scapula_left", near)):
+        after = np.vstack([known[rib].apply(points) for rib, points in parts.items()])
+        wanted = fit_rigid(np.vstack(list(parts.values())), after)
+        np.testing.assert_allclose(found[bone].as_matrix(), wanted.as_matrix(), atol=1e-9)
+
+
+def test_a_shoulder_blade_rides_on_the_ribs_under_it() -> None:
+    bones = {**BONES, "scapula_left": BONES["rib_left_05"]}
+    way = RigidMotion.exp(np.array([0.0, 0.1, 0.0, 4.0, 0.0, 9.0]))
+    motions = follow_cage(RibCage(bones, ()), CURVED, RibCoupling(), {name: way for name in RIBS})
+    assert "scapula_left" not in motions  # ribs whose vertebrae are unknown lead nothing
+    known = dict.fromkeys(RIBS, way)
+    motions = follow(bones, CURVED, RibCoupling(), known)
+    np.testing.assert_allclose(motions["scapula_left"].as_matrix(), way.as_matrix(), atol=1e-9)
+    half = follow(bones, CURVED, RibCoupling(scapula=0.5), known)["scapula_left"]
+    np.testing.assert_allclose((half * half).as_matrix(), way.as_matrix(), atol=1e-9)

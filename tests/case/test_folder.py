@@ -87,18 +87,6 @@ def test_axes_and_units_are_converted_at_the_border(tmp_path, code):
     np.testing.assert_allclose(back.planned_landmarks.points, case.planned_landmarks.points, atol=1e-9)
 
 
-def test_other_surface_formats_and_files_that_are_none(tmp_path):
-    write_case(tmp_path, small_case())
-    for name in ("skin", "bones/T7"):
-        write_surface(tmp_path / f"{name}.stl", small_case().skin if name == "skin" else small_case().bones["T7"])
-        (tmp_path / f"{name}.ply").unlink()
-    (tmp_path / "bones" / "notes.txt").write_text("not a bone")
-    (tmp_path / "bones" / "._T7.ply").write_text("what some file systems leave behind")
-    back = read_case(tmp_path)
-    assert len(back.skin.vertices) == len(small_case().skin.vertices)
-    assert set(back.bones) == set(small_case().bones)
-
-
 def test_rows_of_the_second_landmark_file_are_matched_by_name(tmp_path):
     case = small_case()
     write_case(tmp_path, case)

@@ -12,7 +12,6 @@ from warp_trunk.geometry.surface import Surface, area_vectors, unit, vertex_area
 from warp_trunk.geometry.surface_checks import (
     check_solid,
     components,
-    crossings,
     enclosed_volume,
     manifold_fault,
     slivers,
@@ -25,37 +24,17 @@ def test_sphere_and_box_are_solid():
     assert enclosed_volume(box((10.0, 20.0, 30.0), (5.0, 900.0, -3.0), 2)) == pytest.approx(6000.0)
 
 
-def test_a_finger_through_the_other_side_is_found():
-    ball = sphere(50.0)
-    vertices = ball.vertices.copy()
-    top = vertices[:, 2].argmax()
-    vertices[top, 2] = -60.0  # one vertex pulled through the bottom
-    pairs = crossings(Surface(vertices, ball.faces))
-    assert len(pairs) > 0
-    # every pair is a face at the pulled vertex and one near the bottom
-    heights = vertices[ball.faces[pairs]].mean(axis=2)[..., 2]
-    assert heights.min(axis=1).max() < -10.0
-    with pytest.raises(InputError, match=r"skin: the surface must not cross itself"):
-        check_solid(Surface(vertices, ball.faces), "skin")
-
-
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (lambda f: f[1:], "open along"),
         (lambda f: np.concatenate([f[:1, ::-1], f[1:]]), "opposite turning"),
-        (lambda f: np.concatenate([f, f[:1]]), "share an edge"),
         (lambda f: np.concatenate([f, [[5, 5, 6]]]), "one vertex twice"),
-        (lambda f: f[(f != 7).all(axis=1)], "1 vertices are in no triangle, the first is number 7"),
-        (lambda f: f[:, ::-1], "flip"),
     ],
 )
 def test_faults_are_named(change, says):
     ball = sphere(10.0)
-    bad = Surface(ball.vertices, np.ascontiguousarray(change(ball.faces), dtype=np.int32))
-    assert (manifold_fault(bad) is None) == (says == "flip")
     with pytest.raises(InputError, match=says):
-        check_solid(bad, "skin")
+        check_solid(Surface(ball.vertices, np.ascontiguousarray(change(ball.faces), dtype=np.int32)), "skin")
 
 
 def test_parts_that_touch_in_one_vertex_are_named():

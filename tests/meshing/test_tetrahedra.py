@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -75,13 +74,6 @@ def test_what_is_refused_before_it_is_tried_cannot_be_done(outer, inner, radius,
         ratio=ratio,
     )
     check_number(int(len(made[1]) / 1.15), len(skin.faces), len(bone.faces))
-
-
-def test_crossing_surfaces_are_refused_and_nothing_is_left_behind(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(InputError, match="TetGen cannot fill"):
-        tetrahedralize(SKIN, sphere(30.0, (90.0, 0.0, 1300.0), 2), 8000)
-    assert list(Path(tmp_path).iterdir()) == []
 
 
 def test_cavity_points_are_inside_a_thin_bent_bone():
