@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from support.anatomy import anatomy, anatomy_landmarks
 from support.asserting import there
+from support.meshes import turned_about_z
 from support.phantoms import whole_phantom
 from support.small_trunk import small_case, turned
 from warp_trunk.case.landmarks import Landmarks
@@ -52,10 +53,8 @@ TWIST = 20.0
 
 
 def twist(points, bottom, top):
-    angle = -np.radians(TWIST) * np.clip((points[:, 2] - bottom) / (top - bottom), 0.0, None)
-    x, y, z = (points - [0.0, -60.0, 0.0]).T
-    c, s = np.cos(angle), np.sin(angle)
-    return np.column_stack([c * x - s * y, s * x + c * y - 60.0, z])
+    share = np.clip((points[:, 2] - bottom) / (top - bottom), 0.0, None)
+    return turned_about_z(points, -TWIST * share, (0.0, -60.0))
 
 
 def test_twisted_anatomy_has_the_angles_of_its_twist():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from support.known_spine import BODY, known_spine
+from support.meshes import turned_about_z
 from support.small_trunk import small_landmarks
 from support.synthetic import grid_faces
 from support.trunk_shapes import flat_back, tube
@@ -25,11 +26,6 @@ from warp_trunk.report.spine_pictures import DEEP, FACES, WIDE, spine_picture, v
 from warp_trunk.report.style import BEFORE, TrunkState
 
 
-def turned_about_z(points, degrees, shift=(0.0, 0.0, 0.0)):
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    return points @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) + shift
-
-
 def sheet(depth):
     """A closed skin, 240 mm wide and 420 mm high, whose back has the depth (mm) of a function of x and z."""
     x, z = np.meshgrid(np.linspace(-120.0, 120.0, 121), np.linspace(0.0, 420.0, 43), indexing="ij")
@@ -47,9 +43,9 @@ def landmarks():
 
 def test_pelvis_frame_undoes_any_turn_and_shift_of_the_patient(landmarks):
     points = np.random.default_rng(1).normal(size=(20, 3)) * 100.0
-    here = in_pelvis(points, landmarks)
-    moved = Landmarks(landmarks.names, turned_about_z(landmarks.points, 25.0, (30.0, -70.0, 0.0)))
-    there = in_pelvis(turned_about_z(points, 25.0, (30.0, -70.0, 0.0)), moved)
+    here, shift = in_pelvis(points, landmarks), np.array([30.0, -70.0, 0.0])
+    moved = Landmarks(landmarks.names, turned_about_z(landmarks.points, 25.0) + shift)
+    there = in_pelvis(turned_about_z(points, 25.0) + shift, moved)
     np.testing.assert_allclose(there, here, atol=1e-9)
     np.testing.assert_allclose(in_pelvis(landmarks.points[:2], landmarks)[:, :2], [[120.0, 0.0], [-120.0, 0.0]])
 

@@ -4,17 +4,15 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-import numpy as np
-
 from warp_trunk.case import Case, write_case
 from warp_trunk.case.case import Study
 from warp_trunk.cohort.one_case import CohortOptions
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.geometry.coarsening import coarsen
-from warp_trunk.geometry.surface import Surface
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.run.options import RunOptions
 
+from .meshes import turned_about_z
 from .small_case import small_case
 
 
@@ -41,9 +39,7 @@ def coarse_case() -> Case:
 def turned_case(name: str, degrees: float, study: Study | None = None) -> Case:
     """The coarse case whose actual skin is that before surgery, turned about the vertical by an angle."""
     case = coarse_case()
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    actual = Surface(case.skin.vertices @ turn.T, case.skin.faces)
+    actual = case.skin.moved(turned_about_z(case.skin.vertices, degrees))
     return replace(case, name=name, actual_skin=actual, study=study or Study())
 
 

@@ -106,3 +106,12 @@ def nodes_of_bones(bones: Mapping[str, Surface], every: int) -> TrunkMesh:
     owner = np.repeat(np.arange(len(points)), [len(own) for own in points])
     mesh = trunk(np.vstack(points), np.empty((0, 4)), owner >= 0)
     return replace(mesh, bone=owner, bone_names=tuple(bones))
+
+
+def turned_about_z(
+    points: np.ndarray, degrees: float | np.ndarray, centre: tuple[float, float] = (0.0, 0.0)
+) -> np.ndarray:
+    """Points turned counterclockwise seen from above, all alike or each by an angle of its own."""
+    (x, y), angle = (points[:, :2] - centre).T, np.radians(degrees)
+    c, s = np.cos(angle), np.sin(angle)
+    return np.column_stack([c * x - s * y + centre[0], s * x + c * y + centre[1], points[:, 2]])

@@ -9,11 +9,11 @@ import numpy as np
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.model import Model
 from warp_trunk.engine.relaxation import RelaxStatus
-from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures.quantities import EXACT, PREDICTED, Measured
 from warp_trunk.results import result_of
 from warp_trunk.results.bands import Bands, BandSource, Effects, FoundBands
 
+from .meshes import turned_about_z
 from .small_trunk import made_up_increments, small_case
 
 
@@ -49,9 +49,7 @@ def write_small_result(
     increments = made_up_increments(trunk, status=status)
     if turn_more is not None:
         skin = (trunk.nodes + increments[-1].displacement)[trunk.skin_nodes]
-        angle = np.radians(-turn_more)
-        turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
-        case = replace(case, actual_skin=Surface(skin @ turn.T, case.skin.faces))
+        case = replace(case, actual_skin=case.skin.moved(turned_about_z(skin, -turn_more)))
     if without is not None:
         up = np.array([[0.0, 0.0, 500.0 * n.startswith(f"{without}_")] for n in case.landmarks_before.names])
         lifted = [

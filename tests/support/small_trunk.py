@@ -21,7 +21,7 @@ from warp_trunk.recording import Recording
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import PreparedPatient, patient_of
 
-from .meshes import grid, trunk, with_skin
+from .meshes import grid, trunk, turned_about_z, with_skin
 
 CELLS = (4, 4, 6)
 SIZE = np.array([300.0, 200.0, 420.0])
@@ -81,10 +81,7 @@ def boned_case():
 
 def turned(trunk, degrees_at_top):
     """Displacement that turns each height about z, more towards the top: angles known at every level."""
-    angle = np.radians(degrees_at_top) * trunk.nodes[:, 2] / SIZE[2]
-    x, y = trunk.nodes[:, 0], trunk.nodes[:, 1]
-    c, s = np.cos(angle), np.sin(angle)
-    return np.column_stack([c * x - s * y - x, s * x + c * y - y, np.zeros_like(x)])
+    return turned_about_z(trunk.nodes, degrees_at_top * trunk.nodes[:, 2] / SIZE[2]) - trunk.nodes
 
 
 @dataclass(frozen=True)

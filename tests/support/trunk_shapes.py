@@ -8,6 +8,8 @@ import numpy as np
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
 
+from .meshes import turned_about_z
+
 LEFT = np.array([1.0, 0.0])
 SPINE = np.array([0.0, 45.0])
 ASIS = ((120.0, 0.0), (-120.0, 0.0))
@@ -80,7 +82,5 @@ LEVELS = {f"T{i}": 370.0 - 20.0 * i for i in range(1, 13)} | {f"L{i}": 130.0 - 2
 def twisted(top: float, bottom: float = 0.0) -> Surface:
     """An elliptic trunk turned clockwise by angles that run evenly from its bottom to its top [degrees]."""
     straight = tube(ellipse(240), rows=40)
-    angle = -np.radians(bottom + (top - bottom) * straight.vertices[:, 2] / 400.0)
-    x, y = (straight.vertices[:, :2] - SPINE).T
-    c, s = np.cos(angle), np.sin(angle)
-    return Surface(np.column_stack([c * x - s * y, s * x + c * y, straight.vertices[:, 2]]), straight.faces)
+    degrees = -bottom - (top - bottom) * straight.vertices[:, 2] / 400.0
+    return straight.moved(turned_about_z(straight.vertices - [*SPINE, 0.0], degrees))

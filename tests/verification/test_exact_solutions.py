@@ -16,7 +16,7 @@ from skfem import Basis, ElementTetP1
 
 from support.continuum import parts, stable, stress
 from support.finite_elements import Solid, equilibrium, tangent, tet_mesh
-from support.meshes import block, block_with_bone, grid, rotate, rotation, trunk
+from support.meshes import block, block_with_bone, grid, rotate, rotation, trunk, turned_about_z
 from support.models import evaluated, gradient_of, model_of, relax
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.tissue import Tissue
@@ -294,11 +294,8 @@ def turned_end() -> tuple[TrunkMesh, np.ndarray]:
     trunk = block((3, 3, 6))
     z = trunk.nodes[:, 2]
     trunk.bone[z > 57.0] = 0
-    angle = np.radians(90.0) * np.clip(z / 60.0, 0.0, 1.0) * np.where(trunk.prescribed, z > 30.0, 1.0)
-    angle[trunk.prescribed & (z > 30.0)] = np.radians(90.0)
-    x, y = trunk.nodes[:, 0] - 15.0, trunk.nodes[:, 1] - 15.0
-    c, s = np.cos(angle), np.sin(angle)
-    return trunk, np.column_stack([c * x - s * y - x, s * x + c * y - y, np.zeros_like(x)])
+    degrees = 90.0 * np.where(trunk.prescribed, z > 30.0, np.clip(z / 60.0, 0.0, 1.0))
+    return trunk, turned_about_z(trunk.nodes, degrees, (15.0, 15.0)) - trunk.nodes
 
 
 @pytest.mark.parametrize("gravity", [0.0, 9.81])
