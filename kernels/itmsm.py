@@ -133,28 +133,17 @@ DISTANCE, AREA, VOLUME, GRAVITY = range(FIRST_TERM, FIRST_TERM + 4)
 
 
 @cache
-def itmsm_kernels(
-    scalar: type, cuda: bool, layered: bool, gravity: bool, area: bool, volume: bool
-) -> SimpleNamespace:
+def itmsm_kernels(scalar: type, cuda: bool, area: bool, volume: bool) -> SimpleNamespace:
     """See `tet_kernels`."""
-    return tet_kernels(itmsm_formulas(scalar, layered, gravity, area, volume), cuda)
+    return tet_kernels(itmsm_formulas(scalar, area, volume), cuda)
 
 
 @cache
-def itmsm_formulas(scalar: type, layered: bool, gravity: bool, area: bool, volume: bool) -> TetFormulas:
-    """Energy and Hessian of the given terms.
-
-    `scalar` is their precision. `layered` tissue has a theta and a gravity weight for each tetrahedron, uniform
-    tissue one for all.
-    """
+def itmsm_formulas(scalar: type, area: bool, volume: bool) -> TetFormulas:
+    """Energy and Hessian of distances, gravity and the given terms; `scalar` is their precision."""
     vec3, vec4, vec6 = (wp.types.vector(size, scalar) for size in (3, 4, 6))
     zero = wp.constant(scalar(0.0))
-    epsilon_term, theta_term, gravity_on = area, volume, gravity
-    flags = "".join(
-        f"_{n}"
-        for n, on in zip(("layered", "gravity", "area", "volume"), (layered, gravity, area, volume), strict=True)
-        if on
-    )
+    epsilon_term, theta_term = area, volume
     fields = {
         "rest_edge": Field(vec3, 3),
         "rest_length": Field(vec6),
@@ -170,9 +159,6 @@ def itmsm_formulas(scalar: type, layered: bool, gravity: bool, area: bool, volum
     @wp.func
     def evaluate(elements: elements_type, t: int, u0: vec3, u1: vec3, u2: vec3, u3: vec3):
         """Energies by term, relative change of volume, and the gradients of the four corners."""
-        k = 0
-        if wp.static(layered):
-            k = t
         length = elements.rest_length[t]
         w = elements.edge_weight[t]
         v0 = elements.rest_volume[t]
@@ -181,7 +167,6 @@ def itmsm_formulas(scalar: type, layered: bool, gravity: bool, area: bool, volum
         c0 = elements.rest_edge[t, 2]
         e_area = zero
         e_volume = zero
-        e_gravity = zero
         da = u1 - u0
         db = u2 - u0
         dc = u3 - u0
@@ -197,7 +182,7 @@ def itmsm_formulas(scalar: type, layered: bool, gravity: bool, area: bool, volum
         gc = f03 + f13 + f23
         growth = relative_volume_change(a0, b0, c0, da, db, dc, v0)
         if wp.static(theta_term):
-            e_volume, va, vb, vc = volume_term(a0, b0, c0, da, db, dc, v0, elements.theta[k])
+            e_volume, va, vb, vc = volume_term(a0, b0, c0, da, db, dc, v0, elements.theta[t])
             ga += va
             gb += vb
             gc += vc
@@ -212,23 +197,15 @@ def itmsm_formulas(scalar: type, layered: bool, gravity: bool, area: bool, volum
             ga += p_a + q_a - s_b - s_c
             gb += p_b + r_b + s_b
             gc += q_c + r_c + s_c
-        g0 = -(ga + gb + gc)
-        if wp.static(gravity_on):
-            weight = elements.gravity_weight[k] * v0
-            e_gravity = gravity_term(u0, u1, u2, u3, weight)
-            up = vec3(zero, zero, weight)
-            g0 += up
-            ga += up
-            gb += up
-            gc += up
-        return vec4(e_distance, e_area, e_volume, e_gravity), growth, g0, ga, gb, gc
+        weight = elements.gravity_weight[t] * v0
+        e_gravity = gravity_term(u0, u1, u2, u3, weight)
+        up = vec3(zero, zero, weight)
+        g0 = up - (ga + gb + gc)
+        return vec4(e_distance, e_area, e_volume, e_gravity), growth, g0, ga + up, gb + up, gc + up
 
     @wp.func
     def hessian(elements: elements_type, t: int, u0: vec3, u1: vec3, u2: vec3, u3: vec3, positive: bool):
         """Second derivatives aa, ab, ac, bb, bc, cc in the edge vectors from corner 0."""
-        k = 0
-        if wp.static(layered):
-            k = t
         length = elements.rest_length[t]
         w = elements.edge_weight[t]
         v0 = elements.rest_volume[t]
@@ -252,7 +229,7 @@ def itmsm_formulas(scalar: type, layered: bool, gravity: bool, area: bool, volum
         bc = -k23
         if wp.static(theta_term):
             ga, gb, gc = volume_gradients(a0 + da, b0 + db, c0 + dc)
-            stiffness = (elements.theta[k] + elements.theta[k]) / (v0 * v0)
+            stiffness = (elements.theta[t] + elements.theta[t]) / (v0 * v0)
             aa += stiffness * wp.outer(ga, ga)
             bb += stiffness * wp.outer(gb, gb)
             cc += stiffness * wp.outer(gc, gc)
@@ -281,13 +258,6 @@ def itmsm_formulas(scalar: type, layered: bool, gravity: bool, area: bool, volum
             bc += r_bc + s_bc
         return aa, ab, ac, bb, bc, cc
 
-    on = {DISTANCE: True, AREA: area, VOLUME: volume, GRAVITY: gravity}
-    return TetFormulas(
-        f"itmsm_{scalar.__name__}{flags}",
-        scalar,
-        fields,
-        elements_type,
-        evaluate,
-        hessian,
-        tuple(c for c in on if on[c]),
-    )
+    columns = (DISTANCE, *[AREA] * area, *[VOLUME] * volume, GRAVITY)
+    name = f"itmsm_{scalar.__name__}{'_area' * area}{'_volume' * volume}"
+    return TetFormulas(name, scalar, fields, elements_type, evaluate, hessian, columns)

@@ -17,7 +17,7 @@ out. One that has less than half of its volume is held by lambda CRUSH / 4 (1/2 
 no force and no stiffness. Below det F = 1/5 it goes on with the stiffness that it has there, 433 lambda: where
 stiffness grows without limit, Newton's steps leave two thirds of the way each.
 
-Kernels are made for one precision; gravity that is off is not compiled in.
+Kernels are made for one precision.
 """
 
 from functools import cache
@@ -175,20 +175,16 @@ def hessian_block(c: Any, f_weight: Any, bulk: Any, f: Any, g: Any, a: Any, b: A
 
 
 @cache
-def neo_hookean_kernels(scalar: type, cuda: bool, layered: bool, gravity: bool) -> SimpleNamespace:
+def neo_hookean_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     """See `tet_kernels`."""
-    return tet_kernels(neo_hookean_formulas(scalar, layered, gravity), cuda)
+    return tet_kernels(neo_hookean_formulas(scalar), cuda)
 
 
 @cache
-def neo_hookean_formulas(scalar: type, layered: bool, gravity: bool) -> TetFormulas:
-    """Energy and curvature in one precision.
-
-    `layered` tissue has constants for each tetrahedron, uniform tissue one set for all.
-    """
+def neo_hookean_formulas(scalar: type) -> TetFormulas:
+    """Energy and curvature in one precision."""
     vec2, vec3, vec4 = (wp.types.vector(size, scalar) for size in (2, 3, 4))
     zero = wp.constant(scalar(0.0))
-    gravity_on = gravity
     fields = {
         "shape_gradient": Field(vec3, 3),
         "rest_volume": Field(scalar),
@@ -200,43 +196,31 @@ def neo_hookean_formulas(scalar: type, layered: bool, gravity: bool) -> TetFormu
     @wp.func
     def evaluate(elements: elements_type, t: int, u0: vec3, u1: vec3, u2: vec3, u3: vec3):
         """Energies by term, relative change of volume, and the gradients of the four corners."""
-        k = 0
-        if wp.static(layered):
-            k = t
         a = elements.shape_gradient[t, 0]
         b = elements.shape_gradient[t, 1]
         c = elements.shape_gradient[t, 2]
         h = wp.outer(u1 - u0, a) + wp.outer(u2 - u0, b) + wp.outer(u3 - u0, c)
-        moduli = elements.moduli[k]
+        moduli = elements.moduli[t]
         v0 = elements.rest_volume[t]
         shape, volume, stress, growth = neo_hookean(h, moduli[0], moduli[1])
         stress = v0 * stress
         g1 = stress * a
         g2 = stress * b
         g3 = stress * c
-        g0 = -(g1 + g2 + g3)
-        e_gravity = zero
-        if wp.static(gravity_on):
-            weight = elements.gravity_weight[k] * v0
-            e_gravity = gravity_term(u0, u1, u2, u3, weight)
-            up = vec3(zero, zero, weight)
-            g0 += up
-            g1 += up
-            g2 += up
-            g3 += up
-        return vec4(v0 * volume, e_gravity, v0 * shape, zero), growth, g0, g1, g2, g3
+        weight = elements.gravity_weight[t] * v0
+        e_gravity = gravity_term(u0, u1, u2, u3, weight)
+        up = vec3(zero, zero, weight)
+        g0 = up - (g1 + g2 + g3)
+        return vec4(v0 * volume, e_gravity, v0 * shape, zero), growth, g0, g1 + up, g2 + up, g3 + up
 
     @wp.func
     def hessian(elements: elements_type, t: int, u0: vec3, u1: vec3, u2: vec3, u3: vec3, positive: bool):
         """Second derivatives aa, ab, ac, bb, bc, cc in the edge vectors from corner 0."""
-        k = 0
-        if wp.static(layered):
-            k = t
         a = elements.shape_gradient[t, 0]
         b = elements.shape_gradient[t, 1]
         c = elements.shape_gradient[t, 2]
         h = wp.outer(u1 - u0, a) + wp.outer(u2 - u0, b) + wp.outer(u3 - u0, c)
-        moduli = elements.moduli[k]
+        moduli = elements.moduli[t]
         mu = moduli[0]
         bulk = moduli[1]
         v0 = elements.rest_volume[t]
@@ -262,6 +246,5 @@ def neo_hookean_formulas(scalar: type, layered: bool, gravity: bool) -> TetFormu
         ac = hessian_block(across, along, bulk, f, g, a, c) - ca_turn
         return v0 * aa, v0 * ab, v0 * ac, v0 * bb, v0 * bc, v0 * cc
 
-    columns = (VOLUME, GRAVITY, SHAPE) if gravity else (VOLUME, SHAPE)
-    name = f"neo_hookean_{scalar.__name__}{'_layered' if layered else ''}{'_gravity' if gravity else ''}"
-    return TetFormulas(name, scalar, fields, elements_type, evaluate, hessian, columns)
+    columns = (VOLUME, GRAVITY, SHAPE)
+    return TetFormulas(f"neo_hookean_{scalar.__name__}", scalar, fields, elements_type, evaluate, hessian, columns)

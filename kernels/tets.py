@@ -32,7 +32,7 @@ from .vectors import sums_reducer
 
 @dataclass(frozen=True)
 class Field:
-    """An array of an energy, with as many items as there are tetrahedra, or one for all."""
+    """An array of an energy, with as many items as there are tetrahedra."""
 
     item: Any
     """Type of its items."""
@@ -269,7 +269,7 @@ they are in the transposed block."""
 
 
 class _Array:
-    """An array of an energy as its formulas see it: [t] or [t, k] is what tetrahedra have, [0] what all have."""
+    """An array of an energy as its formulas see it: [t] or [t, k] is what tetrahedra have."""
 
     def __init__(self, name: str, field: Field) -> None:
         self._name, self._field = name, field
@@ -278,17 +278,10 @@ class _Array:
 
     def __getitem__(self, at: Any) -> Any:
         name, field = self._name, self._field
-        tet, k = at if isinstance(at, tuple) else (at, 0)
+        of, k = field.each * field.numbers, at[1] if isinstance(at, tuple) else 0
         data = f"(const real*)elements.{name}.data"
-        of, first = field.each * field.numbers, field.numbers * k
-        if tet == TET:
-            self.window = (
-                f"real spare_{name}[{LANES * of}]; const real* {name} = window({data}, {of}, spare_{name});"
-            )
-            numbers = [Number(f"read({name}, {of}, {first + i})") for i in range(field.numbers)]
-        else:
-            self.window = f"const real* {name} = {data};"
-            numbers = [Number(f"(lanes)({name}[{i}])") for i in range(field.numbers)]
+        self.window = f"real spare_{name}[{LANES * of}]; const real* {name} = window({data}, {of}, spare_{name});"
+        numbers = [Number(f"read({name}, {of}, {field.numbers * k + i})") for i in range(field.numbers)]
         return numbers[0] if field.numbers == 1 else Numbers(*numbers)
 
 

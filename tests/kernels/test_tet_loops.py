@@ -19,11 +19,9 @@ ROUNDING = {"float32": 3e-6, "float64": 1e-14}
 ENERGIES = ("itmsm", "neo-hookean")
 
 
-def formulas(energy: str, precision: str, *, gravity: bool) -> TetFormulas:
+def formulas(energy: str, precision: str) -> TetFormulas:
     scalar = PRECISIONS[precision]
-    if energy == "itmsm":
-        return itmsm_formulas(scalar, False, gravity, True, True)
-    return neo_hookean_formulas(scalar, False, gravity)
+    return itmsm_formulas(scalar, True, True) if energy == "itmsm" else neo_hookean_formulas(scalar)
 
 
 def displacement(model: Model) -> wp.array:
@@ -59,7 +57,7 @@ def blocks(model: Model, kernel: Any, items: int, first: int, end: int) -> np.nd
 @pytest.mark.parametrize("energy", ENERGIES)
 def test_are_what_warp_compiles_for_one(energy: str, gravity: float, precision: str) -> None:
     model = model_of(block((2, 2, 2)), energy=energy, precision=precision, gravity=gravity)
-    of = formulas(energy, precision, gravity=gravity != 0.0)
+    of = formulas(energy, precision)
     loops, items = tet_kernels(of, cuda=False), tet_kernels(of, cuda=False, items=True)
     tets = len(model.corners)
     for first, end in ((0, tets), (3, tets - 2), (5, 9), (tets - 1, tets), (4, 4)):

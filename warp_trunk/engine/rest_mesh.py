@@ -52,17 +52,17 @@ class RestMesh:
         return tet_volumes(self.nodes, self.corners)
 
     def by_tissue(self, values: Sequence[float]) -> np.ndarray:
-        """A constant of the tissues for each tetrahedron, shape (tets,), or for all of them, shape (1,).
+        """A constant of the tissues for each tetrahedron, shape (tets,).
 
         For a mixture it is the mean by volume (Voigt's): the constants enter the energy as factors.
         """
         constants = np.asarray(values, dtype=np.float64)
         if self.label is None:
-            return constants[:1]
+            return np.full(len(self.corners), constants[0])
         return constants[self.label] if self.label.ndim == 1 else self.label @ constants
 
     def height_energy(self, weight: np.ndarray) -> float:
-        """The gravity term at rest, of a weight per mm^3 and mm of a corner, shape (1,) or (tets,)."""
+        """The gravity term at rest, of a weight per mm^3 and mm of a corner, shape (tets,)."""
         if not weight.any():
             return 0.0
         height = sum(self.nodes[:, 2].take(corner) for corner in self.corners.T)

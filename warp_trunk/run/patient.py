@@ -136,7 +136,7 @@ def patient_of(
         check_labels(case.layers, trunk)
     if trunk is None:
         if options.mesh.tets >= WORTH_COMPILING_AHEAD:
-            kernels = CompilationAhead(options, layered=layers_from(case, options) != "none")
+            kernels = CompilationAhead(options)
         with stage_of(progress, "build", "meshing the soft tissue"):
             message = progress.message if progress is not None and options.mesh.tets >= LARGE else None
             build = make_trunk(case.skin, case.bones, options.mesh, message)

@@ -6,7 +6,6 @@ import hashlib
 import json
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,6 @@ import warp_trunk.kernels
 from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.simulation import SimulationOptions, simulate
-from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
 from warp_trunk.geometry.surface import unit
 from warp_trunk.run.options import RunOptions
@@ -35,9 +33,9 @@ class CompilationAhead:
     process of its own, because what one thread captures for a graph is all that the process launches meanwhile.
     """
 
-    def __init__(self, options: RunOptions, *, layered: bool = False) -> None:
+    def __init__(self, options: RunOptions) -> None:
         """Starts the process where it is needed; what it fails to compile is compiled when it is used."""
-        settings = {**_settings(options), "layered": layered}
+        settings = _settings(options)
         marker = _marker(settings)
         if marker not in _STARTED and not marker.exists():
             command, nothing = (
@@ -73,17 +71,14 @@ def _marker(settings: dict[str, Any]) -> Path:
 
 def warm(options: RunOptions) -> None:
     """Relaxes a small ball with these options, so that Warp's cache holds the kernels for the cases."""
-    _relax_ball(_settings(options), layered=False)
+    _relax_ball(_settings(options))
 
 
-def _relax_ball(settings: dict[str, Any], *, layered: bool) -> None:
+def _relax_ball(settings: dict[str, Any]) -> None:
     """Relaxes a ball whose core of bone moves aside by a millimetre."""
-    trunk, tissues = ball(), (Tissue(),)
-    if layered:
-        trunk = replace(trunk, tissue=(np.arange(len(trunk.tets)) % 2).astype(np.int8))
-        tissues = (Tissue(), Tissue())
+    trunk = ball()
     path = PrescribedMotion(np.full(trunk.nodes.shape, [1.0, 0.0, 0.0]))
-    for _ in simulate(build_model(trunk, tissues, **settings), path, SimulationOptions(increments=2)):
+    for _ in simulate(build_model(trunk, **settings), path, SimulationOptions(increments=2)):
         pass
 
 
@@ -105,8 +100,7 @@ def ball() -> TrunkMesh:
 
 def main(settings: str, marker: str) -> None:
     """Compiles, in the process of `CompilationAhead`, and marks the end."""
-    given = json.loads(settings)
-    _relax_ball(given, layered=given.pop("layered"))
+    _relax_ball(json.loads(settings))
     Path(marker).touch()
 
 

@@ -49,7 +49,7 @@ class TetEnergy(Protocol):
 
     @property
     def gravity_weight(self) -> wp.array:
-        """Energy for each mm^3 of a tetrahedron and mm of height of a corner, shape (1,) or (tets,)."""
+        """Energy for each mm^3 of a tetrahedron and mm of height of a corner, shape (tets,)."""
         ...
 
     @property
@@ -84,8 +84,3 @@ class TetEnergy(Protocol):
             moved: their corners where they are [mm], likewise.
         """
         ...
-
-
-def of_each(values: np.ndarray, tets: np.ndarray) -> np.ndarray:
-    """The values of some tetrahedra, where one may stand for all."""
-    return values[tets] if len(values) > 1 else np.repeat(values, len(tets), axis=0)

@@ -14,7 +14,6 @@ from warp_trunk.kernels.itmsm import AREA, DISTANCE, GRAVITY, VOLUME, itmsm_kern
 
 from ..rest_mesh import RestMesh
 from ..topology import EDGES, FACES, edges_shared, faces_shared
-from .energy import of_each
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ class Itmsm:
     face_weight: wp.array
     """epsilon / |K_ijk| of eq. 4.9 or by volume, likewise, shape (tets,), vec4; empty without the term."""
     theta: wp.array
-    """theta of eq. 4.6 or by volume, likewise, shape (1,), or (tets,) where tetrahedra differ."""
+    """theta of eq. 4.6 or by volume, likewise, shape (tets,)."""
     gravity_weight: wp.array
     """Energy for each mm^3 of a tetrahedron and mm of height of a corner, alpha m_i / (M_0 H_0 V_T); as theta."""
     constants: Constants
@@ -83,7 +82,7 @@ class Itmsm:
         if "area" in self.terms:
             energy += (self.face_weight.numpy()[tets] * change(face_areas)).sum(axis=1)
         if "volume" in self.terms:
-            energy += of_each(self.theta.numpy(), tets) * change(lambda p: np.linalg.det(p[:, 1:] - p[:, :1]))
+            energy += self.theta.numpy()[tets] * change(lambda p: np.linalg.det(p[:, 1:] - p[:, :1]))
         return energy
 
 
@@ -103,9 +102,8 @@ def make_itmsm(rest: RestMesh, gravity: float, weights_by: str) -> Itmsm:
         "gravity": gravity != 0.0,
     }
     vec4, vec6 = wp.types.vector(4, scalar), wp.types.vector(6, scalar)
-    layered = len(weight["theta"]) > 1
     return Itmsm(
-        kernels=itmsm_kernels(scalar, rest.is_cuda, layered, used["gravity"], used["area"], used["volume"]),
+        kernels=itmsm_kernels(scalar, rest.is_cuda, used["area"], used["volume"]),
         terms=tuple(name for name in used if used[name]),
         **measures(rest, used["area"]),
         edge_weight=rest.upload(weight["edge_weight"], vec6),
@@ -145,7 +143,7 @@ class Shares:
     face: np.ndarray
     """1 / |K_ijk| of eq. 4.9, or by volume, shape (tets, 4)."""
     tet: np.ndarray
-    """1, shape (1,), or by volume, shape (tets,)."""
+    """1, or by volume, shape (tets,)."""
     edges: float
     """Number of edges."""
 
@@ -155,7 +153,7 @@ def shares_of(rest: RestMesh, *, by_volume: bool) -> Shares:
     edge, face = 1.0 / edges_shared(rest.corners), 1.0 / faces_shared(rest.corners)
     edges = float(edge.sum())
     if not by_volume:
-        return Shares(edge, face, np.ones(1), edges)
+        return Shares(edge, face, np.ones(len(edge)), edges)
     part = rest.volume / rest.volume.sum()
     edge, face = (np.outer(part, np.full(share.shape[1], share.sum() / share.shape[1])) for share in (edge, face))
     return Shares(edge, face, part * len(part), edges)
@@ -174,7 +172,7 @@ def weights(rest: RestMesh, gravity: float, shares: Shares) -> dict[str, np.ndar
         "edge_weight": rest.by_tissue(relative)[:, None] * shares.edge,
         "face_weight": epsilon[:, None] * shares.face,
         "theta": theta,
-        "gravity_weight": np.broadcast_to(gravity_weight, theta.shape),
+        "gravity_weight": gravity_weight,
     }
 
 

@@ -22,7 +22,6 @@ from warp_trunk.kernels.neo_hookean import (
 
 from ..rest_mesh import RestMesh
 from ..tissue import Tissue
-from .energy import of_each
 
 
 @dataclass(frozen=True)
@@ -38,7 +37,7 @@ class NeoHookean:
     shape: ClassVar[str] = "shape_gradient"
     """The array that rounding at rest shows in."""
     kernels: SimpleNamespace
-    """`gradient` and the Hessians, with gravity if the scene has it."""
+    """`gradient` and the Hessians."""
     terms: tuple[str, ...]
     """Names of the terms that the scene uses, as in Energy."""
     shape_gradient: wp.array
@@ -46,9 +45,9 @@ class NeoHookean:
     rest_volume: wp.array
     """Volumes at rest [mm^3], shape (tets,)."""
     moduli: wp.array
-    """mu and lambda [N/mm^2], shape (1,), or (tets,) where tetrahedra differ, vec2."""
+    """mu and lambda [N/mm^2], shape (tets,), vec2."""
     gravity_weight: wp.array
-    """A quarter of the weight of each mm^3 [N/mm^3]; as moduli."""
+    """A quarter of the weight of each mm^3 [N/mm^3], shape (tets,)."""
     gravity_at_rest: float
     """The gravity term of the trunk at rest [mJ], which the displacement's part adds to."""
 
@@ -71,7 +70,7 @@ class NeoHookean:
 
     def of_tets(self, tets: np.ndarray, rest: np.ndarray, moved: np.ndarray) -> np.ndarray:
         """Stable neo-Hookean (Smith, de Goes and Kim 2018, eq. 14), stiffer where crushed, zero at rest."""
-        mu, bulk = of_each(self.moduli.numpy().astype(np.float64), tets).T
+        mu, bulk = self.moduli.numpy().astype(np.float64)[tets].T
         f = np.linalg.solve(rest[:, 1:] - rest[:, :1], moved[:, 1:] - moved[:, :1])  # F transposed
         square, j = np.einsum("tij,tij->t", f, f), np.linalg.det(f) - 1.0
         y = (square - 3.0) / 4.0
@@ -88,10 +87,9 @@ def make_neo_hookean(rest: RestMesh, gravity: float, weights_by: str) -> NeoHook
     if weights_by != "count":
         raise InputError(f"weights: '{weights_by}' is a choice of the energy itmsm; leave it out with neo-hookean")
     scalar = rest.scalar
-    layered = rest.label is not None
     weight = weights(rest, gravity)
     return NeoHookean(
-        kernels=neo_hookean_kernels(scalar, rest.is_cuda, layered, gravity != 0.0),
+        kernels=neo_hookean_kernels(scalar, rest.is_cuda),
         terms=("volume", "gravity", "shape") if gravity else ("volume", "shape"),
         **measures(rest),
         moduli=rest.upload(weight["moduli"], wp.types.vector(2, scalar)),
