@@ -72,8 +72,12 @@ def check_case(case: Case, source: CaseSource | None = None) -> tuple[str, ...]:
     Raises:
         InputError: the first violated rule.
     """
-    source = source or CaseSource()
-    before, after, warnings = case.landmarks_before, case.landmarks_after, list(case.notes)
+    return (*check_patient(case, source), *check_surgery(case, source))
+
+
+def check_patient(case: Case, source: CaseSource | None = None) -> list[str]:
+    """The part of `check_case` that no plan changes: the patient before surgery."""
+    source, before, warnings = source or CaseSource(), case.landmarks_before, list(case.notes)
     spine = bool(before.names)
     if case.posture != "standing":
         warnings.append(
@@ -81,7 +85,10 @@ def check_case(case: Case, source: CaseSource | None = None) -> tuple[str, ...]:
             "standing, so back surface rotation, humps and balance differ from those of the standing patient."
         )
     if spine or not (case.motions or case.bones.keys() == case.bones_after.keys()):
-        _check_landmark_sets(case, source)
+        if case.landmarks_after is not None:  # a plan gives them the names of those before
+            check_names(before, case.landmarks_after, source)
+        check_landmarks(before, list(case.bones), source.name("landmarks_before"))
+        _check_bending(case, source)
     for key, skin in (("skin", case.skin), ("actual_skin", case.actual_skin)):
         if skin is not None:
             check_surface(skin, source.name(key))
@@ -97,29 +104,32 @@ def check_case(case: Case, source: CaseSource | None = None) -> tuple[str, ...]:
             warnings += [] if skin is None else arm_warnings(skin, before, source.name(key))
     warnings += _check_bones(case, source)
     check_on_bones(case, source.name)
+    check_points(case, source.name("points"))
+    return warnings
+
+
+def check_surgery(case: Case, source: CaseSource | None = None) -> list[str]:
+    """The other part of `check_case`: where landmarks and bones go, and the actual skin after surgery."""
+    source, warnings = source or CaseSource(), list[str]()
+    before, after = case.landmarks_before, case.landmarks_after
     if after is not None:
         where = source.name("landmarks_after")
+        check_landmarks(after, list(case.bones), where)
         moved = check_motion(before, after, where, case.study.pose)
         warnings += [] if case.motions else moved
         warnings += (
             check_order(after, where) + check_shapes(before, after, where) + check_frame(before, after, where)
         )
-    if case.actual_skin is not None and spine:
+    if case.actual_skin is not None and before.names:
         warnings += check_second_skin(case, case.actual_skin, source.name("actual_skin"))
     _check_bones_after(case, source)
     check_motions(case, source.name("motions"))
-    check_points(case, source.name("points"))
-    return tuple(warnings)
+    return warnings
 
 
-def _check_landmark_sets(case: Case, source: CaseSource) -> None:
-    """Check each set of landmarks on its own."""
-    before, after = case.landmarks_before, case.landmarks_after
-    if after is not None:
-        check_names(before, after, source)
-    for key, marks in (("landmarks_before", before), ("landmarks_after", after)):
-        if marks is not None:
-            check_landmarks(marks, list(case.bones), source.name(key))
+def _check_bending(case: Case, source: CaseSource) -> None:
+    """Check that the landmarks on films of side bending are among those before surgery."""
+    before = case.landmarks_before
     for key, bending in (("bending_left", case.bending_left), ("bending_right", case.bending_right)):
         if bending is not None and (unknown := set(bending.names) - set(before.names)):
             text = f"'{min(unknown)}' is not among the landmarks before surgery; rename or remove it"

@@ -17,6 +17,7 @@ from warp_trunk.bone_motion.plan.plan_file import planned_case
 from warp_trunk.bone_motion.prescribed_motion import colliding_bones, folded_tissue
 from warp_trunk.bone_motion.vertebra_smoothing import smoothing_warnings
 from warp_trunk.case import Case, check_case
+from warp_trunk.case.checks import check_patient, check_surgery
 from warp_trunk.case.motions import check_passing
 from warp_trunk.engine.parallel import choose_device, choose_threads
 from warp_trunk.errors import InputError, expect
@@ -111,7 +112,7 @@ def simulate(
     if isinstance(plan, Plan):
         name = f"{plan.uiv}-{plan.liv}" if folder is None else folder.resolve().name
         planned = simulator.planned(case, _surgery(Planner(case), "", plan), name)
-        return simulator.result(planned, folder, _found_in(planned, warnings))
+        return simulator.result(planned, folder, list(dict.fromkeys([*(warnings or ()), *check_case(planned)])))
     results = _several(simulator, case, plans, folder, warnings or (), on_result)
     return results if isinstance(plan, Mapping) else list(results.values())
 
@@ -131,7 +132,9 @@ def _several(
         raise InputError("--live: shows one simulation as it grows; give a single --plan, or leave it out")
     planner = Planner(case)
     surgeries = {name: _surgery(planner, f"plan {name}: ", plan) for name, plan in plans.items()}
-    checked = {name: _found_in(planned_case(case, surgery, name), warnings) for name, surgery in surgeries.items()}
+    cases = {name: planned_case(case, surgery, name) for name, surgery in surgeries.items()}
+    found = [*warnings, *check_patient(next(iter(cases.values())))]
+    checked = {name: list(dict.fromkeys([*found, *check_surgery(one)])) for name, one in cases.items()}
     places = {name: None if folder is None else folder / name for name in plans}
     for place in filter(None, places.values()):
         with removed_if_empty(place):
@@ -148,11 +151,6 @@ def _several(
         if on_result is not None:
             on_result(name, results[name])
     return results
-
-
-def _found_in(planned: Case, warnings: Sequence[str] | None) -> list[str]:
-    """The warnings that are known of a case, and what the check of the planned one finds, each once."""
-    return list(dict.fromkeys([*(warnings or ()), *check_case(planned)]))
 
 
 def _surgery(planner: Planner, where: str, plan: Plan) -> PlannedSurgery:
