@@ -118,9 +118,8 @@ class Scene:
             static: whether they hold for all times.
         """
         when = "target" if state == ACTUAL else state
-        tangent = measures.tangents.get(self._level) if self._level else None
         spatial, flat, at, texts = [], [], [], []
-        if tangent is not None:
+        if self._level and (tangent := measures.tangents.get(self._level)):
             curves = [np.vstack([tangent.outline, tangent.outline[:1]]), tangent.line]
             spatial = [np.column_stack([c, np.full(len(c), tangent.height)]).astype(np.float32) for c in curves]
             flat = [(curve * [-1.0, 1.0]).astype(np.float32) for curve in curves]  # left on the left, back below
