@@ -52,6 +52,7 @@ def nearest_on_mesh(
 
 @wp.kernel(enable_backward=False)
 def first_hit(
+    first: wp.int32,
     mesh: wp.uint64,
     corner: wp.vec3,
     right: wp.vec3,
@@ -61,12 +62,14 @@ def first_hit(
     face: wp.array2d(dtype=wp.int32),
     weights: wp.array2d(dtype=wp.vec3),
 ):
-    """For each pixel the face that its ray meets first, -1 for none, and the weights of the face's corners there.
+    """For each pixel, row after row, the face its ray meets first, -1 for none, and its corners' weights there.
 
     The ray of the pixel in row i and column j starts at corner + i down + j right and goes `reach` along the
     unit vector `forward`.
     """
-    i, j = wp.tid()
+    pixel = first + wp.tid()
+    i = pixel // face.shape[1]
+    j = pixel - i * face.shape[1]
     start = corner + wp.float32(i) * down + wp.float32(j) * right
     hit = wp.mesh_query_ray(mesh, start, forward, reach)
     face[i, j] = -1

@@ -14,7 +14,7 @@ from warp_trunk.engine.parallel import usable_cores
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-_LEAST = 20_000
+_LEAST = 2_000
 """Fewer items are run by the calling thread alone."""
 
 

@@ -155,6 +155,7 @@ def _first_hits(vertices: np.ndarray, faces: np.ndarray, seen: Window) -> tuple[
     """The face seen in each pixel, -1 for none, and the weights of its corners (rows, columns, 3)."""
     import warp as wp
 
+    from warp_trunk.geometry.cores import launch_over_cores
     from warp_trunk.geometry.distance_field import search_tree
     from warp_trunk.kernels.surface import first_hit
 
@@ -167,5 +168,5 @@ def _first_hits(vertices: np.ndarray, faces: np.ndarray, seen: Window) -> tuple[
     right, down, forward = wp.vec3(-seen.pixel, 0.0, 0.0), wp.vec3(0.0, 0.0, -seen.pixel), wp.vec3(0.0, -1.0, 0.0)
     corner = wp.vec3(*(np.array([seen.x[0], near, seen.z[0]]) - middle))
     inputs = [mesh.id, corner, right, down, forward, float(near - far)]
-    wp.launch(first_hit, dim=shape, inputs=inputs, outputs=[face, weights], device="cpu")
+    launch_over_cores(first_hit, face.size, inputs, [face, weights])
     return np.append(towards, -1)[face.numpy()], weights.numpy().astype(np.float64)
