@@ -183,19 +183,6 @@ def vector_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         add(products, slab, 0, found)
 
     @wp.kernel(module=module, enable_backward=False)
-    def descend_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        gradient: wp.array(dtype=vec3),
-        direction: wp.array(dtype=vec3),
-    ):
-        """direction = -gradient (the one minus sign of the gradient method)."""
-        i = first + wp.tid()
-        if i < end:
-            direction[i] = -gradient[i]
-
-    @wp.kernel(module=module, enable_backward=False)
     def extrapolate_kernel(
         first: int,
         end: int,
@@ -262,7 +249,6 @@ def vector_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     return SimpleNamespace(
         step=step_kernel,
         products=products_kernel,
-        descend=descend_kernel,
         extrapolate=extrapolate_kernel,
         color=color_kernel,
         longest=longest_kernel,

@@ -72,16 +72,18 @@ def _mirrored(matrix: np.ndarray) -> np.ndarray:
     return np.triu(matrix) + np.triu(matrix, 1).T
 
 
-def in_half_precision(inverse: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A symmetric positive matrix (n, n) with ones on its diagonal, and the scales of its rows and columns (n,).
+def with_unit_diagonal(inverse: np.ndarray, one: float) -> tuple[np.ndarray, np.ndarray]:
+    """A and s of a symmetric positive matrix S A S, (n, n) and (n,); in A, `one` stands for 1; see `KEPT`."""
+    root = np.sqrt(np.maximum(np.diagonal(inverse), np.finfo(np.float32).tiny))
+    numbers = inverse * (KEPT * one / root)[:, None] / root
+    np.fill_diagonal(numbers, one)
+    return numbers, root / math.sqrt(one)
 
-    The matrix is float16, its rows filled up to whole octets; see `KEPT`. None of its numbers overflows.
-    """
-    scale = np.sqrt(np.maximum(np.diagonal(inverse), np.finfo(np.float32).tiny))
-    numbers = np.zeros((len(inverse), -(-len(inverse) // OCTET) * OCTET), dtype=np.float16)
-    numbers[:, : len(inverse)] = inverse * (KEPT / scale[:, None]) / scale
-    np.fill_diagonal(numbers, 1.0)
-    return numbers, scale
+
+def in_half_precision(inverse: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same as float16, which none of its numbers overflows, its rows filled up to whole octets."""
+    numbers, scale = with_unit_diagonal(inverse, 1.0)
+    return np.pad(numbers.astype(np.float16), ((0, 0), (0, -len(numbers) % OCTET))), scale
 
 
 class DenseProduct:
@@ -100,12 +102,9 @@ class DenseProduct:
         """Uploads the inverse, shape (n, n)."""
         self._model, self._size = model, len(inverse)
         self.strips = -(-self._size // STRIP)
-        root = np.sqrt(np.maximum(np.diagonal(inverse), np.finfo(np.float32).tiny))
-        numbers = np.zeros((STRIP * self.strips, self._size), dtype=np.int16)
-        numbers[: self._size] = np.rint(inverse * (KEPT * WHOLE / root)[:, None] / root)
-        np.fill_diagonal(numbers, WHOLE)
-        scale = np.zeros(len(numbers))
-        scale[: self._size] = root / math.sqrt(WHOLE)
+        numbers, scale = with_unit_diagonal(inverse, WHOLE)
+        unused = 0, STRIP * self.strips - self._size
+        numbers, scale = np.pad(np.rint(numbers).astype(np.int16), (unused, (0, 0))), np.pad(scale, unused)
         numbers = numbers.reshape(-1, STRIP, self._size).transpose(0, 2, 1)
         self.numbers, self._scale = model.array(numbers.ravel(), wp.int16), model.array(scale, model.scalar)
 

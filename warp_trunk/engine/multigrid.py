@@ -11,7 +11,6 @@ of a patient."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 from typing import Any
@@ -91,8 +90,7 @@ class Multigrid:
             self._levels = CudaLevels(matrix, to_nodes, self._grids, inverse, self._groups)
         else:
             between = [_Interpolation(model, g.interpolate(finer.positions)) for finer, g in pairwise(laid)]
-            levels = zip(sizes, [on_device, *between], [*diagonals, None], strict=True)
-            self._levels = CpuLevels(matrix, [_Level(*level) for level in levels], inverse, self._groups)
+            self._levels = CpuLevels(matrix, [on_device, *between], diagonals, inverse, self._groups)
 
     def step_and_apply(self, at: Iterates) -> Launch:
         """See `Preconditioner`."""
@@ -105,7 +103,7 @@ class _Interpolation:
     def __init__(self, model: Model, interpolation: Interpolation) -> None:
         vec8: Any = wp.types.vector(8, model.scalar)
         self.by_point = (model.array(interpolation.vertex, vec8i), model.array(interpolation.weight, vec8))
-        self._model, self._interpolation = model, interpolation
+        self._model, self._interpolation, self.vertices = model, interpolation, interpolation.vertices
 
     def by_vertex(self) -> tuple[wp.array, wp.array, wp.array]:
         """`Interpolation.by_vertex`."""
@@ -114,47 +112,47 @@ class _Interpolation:
         return model.array(row_start, wp.int32), model.array(point, wp.int32), model.array(weight, model.scalar)
 
 
-@dataclass(frozen=True)
-class _Level:
-    """A grid, and its interpolation to the nodes or to the next finer grid, its points."""
-
-    vertices: int
-    """Number of its vertices."""
-    interpolation: _Interpolation
-    """P, from its vertices to the points."""
-    inverse_diagonal: wp.array | None
-    """D^-1 of its vertices, weighted, shape (vertices,), mat33; None for the coarsest, which is solved densely."""
-
-
 class CpuLevels:
     """The grids on the CPU: a launch down and one up for each."""
 
     def __init__(
-        self, matrix: BlockMatrix, levels: Sequence[_Level], inverse: np.ndarray, groups: NodeGroups
+        self,
+        matrix: BlockMatrix,
+        grids: Sequence[_Interpolation],
+        inverse_diagonals: Sequence[wp.array],
+        inverse: np.ndarray,
+        groups: NodeGroups,
     ) -> None:
-        """Uploads the inverse on the coarsest grid, shape (3 vertices, 3 vertices)."""
-        self._matrix, self._grids, self._groups = matrix, levels, groups
-        self._inverse = DenseProduct(matrix.model, inverse)
+        """Uploads the inverse on the last grid.
+
+        Args:
+            matrix: of the trunk.
+            grids: the interpolation of each to the next finer one, of the first to the free nodes.
+            inverse_diagonals: of all grids but the last, weighted, shape (vertices,), mat33.
+            inverse: on the last, shape (3 vertices, 3 vertices).
+            groups: of tied nodes.
+        """
+        self._matrix, self._grids, self._groups = matrix, grids, groups
+        self._inverse_diagonals, self._inverse = inverse_diagonals, DenseProduct(matrix.model, inverse)
 
     def step_and_apply(self, at: Iterates) -> Launch:
         """See `Preconditioner`."""
         matrix, groups, model = self._matrix, self._groups, self._matrix.model
         kernels, record = cpu_grid_kernels(model.scalar), model.parallel.record
-        r, z, dots, diagonal = at.residual, at.preconditioned, at.r_dot_z, matrix.inverse_diagonal
+        r, z, dots = at.residual, at.preconditioned, at.r_dot_z
         bounds, members = matrix.bounds, [groups.member_of, groups.correction]
         down: list[Launch] = []
         up: list[Launch] = []
-        for level in self._grids:
+        for grid, diagonal in zip(self._grids, [matrix.inverse_diagonal, *self._inverse_diagonals], strict=True):
             residual, correction = (  # with room for a whole last strip of the dense product
-                model.zeros(model.vec3, level.vertices + STRIP) for _ in range(2)
+                model.zeros(model.vec3, grid.vertices + STRIP) for _ in range(2)
             )
-            by_vertex = level.interpolation.by_vertex()
+            by_vertex = grid.by_vertex()
             rows = equal_parts(by_vertex[0].numpy(), len(matrix.bounds) - 1)
             down.append(record(kernels.restrict, rows, [*by_vertex, r], [residual]))
-            interpolate = [diagonal, *level.interpolation.by_point, correction, *members, r]
+            interpolate = [diagonal, *grid.by_point, correction, *members, r]
             up.append(record(kernels.prolong, bounds, interpolate, [z, dots.iteration, dots.products]))
-            r, z, dots, diagonal = residual, correction, Dots.zero(model), level.inverse_diagonal
-            bounds = matrix.split(level.vertices)
+            r, z, dots, bounds = residual, correction, Dots.zero(model), matrix.split(grid.vertices)
             members = [model.zeros(wp.int32, 0), model.zeros(model.vec3, 0)]
         solve = self._inverse.record(r, z, at.r_dot_z.iteration, matrix.split(self._inverse.strips))
         correct = groups.correct(at.residual)
