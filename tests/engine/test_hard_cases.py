@@ -296,13 +296,6 @@ def test_claims_of_random_motions_are_true(seed: int) -> None:
     assert [claim for claim in claims if claim.false] == []
 
 
-@pytest.mark.parametrize("name", ["theta 1e3", "end turned 90 degrees, 20 increments"])
-def test_threads_end_at_the_same_place(name: str) -> None:
-    (one, here), (two, there) = (replace(ITMSM[name](), threads=threads).end() for threads in (1, 2))
-    assert one.status is two.status
-    assert np.linalg.norm(here - there, axis=1).max() <= 4.0 * ITMSM[name]().tolerance
-
-
 @pytest.mark.parametrize(("scale", "away", "bound"), [(1e-3, 0.0, 0.02), (1e3, 0.0, 0.02), (1.0, 1e4, 1e-4)])
 def test_unit_and_origin_change_nothing_else(scale: float, away: float, bound: float) -> None:
     here, there = turned_block().end()[1], turned_block(scale, away=away).end()[1] / scale

@@ -1,7 +1,6 @@
-"""The model: what it refuses, its rest measures and weights, its order."""
+"""The model: what it refuses, its order, its terms, and nodes that come off the bone."""
 
 from dataclasses import replace
-from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -128,48 +127,13 @@ def test_released_nodes_are_free_as_if_they_never_were_on_bone(energy: str) -> N
     np.testing.assert_allclose(hessian_released, hessian, atol=1e-12 * np.abs(hessian).max())
 
 
-def itmsm(trunk: TrunkMesh, tissue: Tissue | None = None, gravity: float = 0.0) -> Itmsm:
-    """Data of a trunk for the kernels of itmsm."""
-    model = model_of(trunk, tissue, gravity=gravity)
-    assert isinstance(model.elements, Itmsm)
-    return model.elements
-
-
-@MESHES
-def test_weights_count_every_edge_and_face_once(mesh: TrunkMesh) -> None:
-    """The sum of 1 / |K| over the edges of all tetrahedra is the number of distinct edges (eq. 4.8, 4.9)."""
-    elements = itmsm(mesh, Tissue(epsilon=0.25))
-    tets = mesh.tets.tolist()
-    edges = {pair for tet in tets for pair in combinations(sorted(tet), 2)}
-    faces = {triple for tet in tets for triple in combinations(sorted(tet), 3)}
-    assert elements.edge_weight.numpy().sum() == pytest.approx(len(edges), rel=1e-12)
-    assert elements.face_weight.numpy().sum() == pytest.approx(0.25 * len(faces), rel=1e-12)
-
-
-def test_rest_measures_by_hand() -> None:
-    """The right-angled corner of 10 mm: three edges of 10, three of 10 sqrt 2; faces of 50 and of 50 sqrt 3."""
-    elements = itmsm(single_tet())
-    np.testing.assert_allclose(np.sort(elements.rest_length.numpy()[0]), [10.0] * 3 + [10.0 * 2**0.5] * 3)
-    np.testing.assert_allclose(np.sort(elements.rest_area.numpy()[0]), [50.0] * 3 + [50.0 * 3**0.5])
-    np.testing.assert_allclose(elements.rest_volume.numpy(), [1000.0 / 6.0])
-
-
-def test_alpha_by_hand() -> None:
-    """alpha = 2 g M_0 H_0 / k_D with k_D = 5 E V / N for one tetrahedron of six edges."""
-    tissue = Tissue(density=900.0, youngs_modulus=20.0)
-    cubic_metres = 0.01**3 / 6.0
-    k_d = 5.0 * 20e3 * cubic_metres / 6.0
-    alpha = itmsm(single_tet(), tissue, gravity=9.81).constants.alpha
-    assert alpha == pytest.approx(2.0 * 9.81 * 900.0 * cubic_metres * 0.01 / k_d, rel=1e-12)
-    assert itmsm(single_tet(), tissue).constants.alpha == 0.0
-
-
 @pytest.mark.parametrize("tissue", [Tissue(), Tissue(epsilon=0.0), Tissue(theta=0.0)])
 @pytest.mark.parametrize("gravity", [0.0, 9.81])
 def test_terms_follow_the_scene(tissue: Tissue, gravity: float) -> None:
     model: Any = model_of(BLOCK, tissue, gravity=gravity)
     used = {"area": tissue.epsilon, "volume": tissue.theta, "gravity": gravity}
     assert model.elements.terms == ("distance", *(name for name in used if used[name]))
+    assert (model.elements.constants.alpha > 0.0) == (gravity > 0.0)
 
 
 def test_alpha_in_place_of_gravity_and_stiffness_is_the_one_given() -> None:

@@ -1,19 +1,16 @@
 """The incremental loop: where the trunk ends does not depend on how it is led there."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from search_false_claims import draw
 
-from support.meshes import block, block_with_bone, rotate
+from support.meshes import block_with_bone, rotate
 from support.models import increments, model_of, settle
 from support.reference import Reference
 from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion
 from warp_trunk.engine.newton import Relaxer
 from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
 from warp_trunk.engine.simulation import SimulationOptions, simulate
-from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
 
 TWO_BONES = block_with_bone((5, 3, 3), holes=((1, 1, 1), (3, 1, 1)))
@@ -63,43 +60,6 @@ def test_increments_do_not_change_the_end(gravity: float) -> None:
     for count in (1, 2, 5):
         end = settle(model, displacement, count, tolerance=1e-6)
         assert np.linalg.norm(end.displacement - wanted, axis=1).max() < 3e-6
-
-
-@pytest.mark.parametrize("trunk", [block(), TWO_BONES], ids=["one face", "two bones"])
-@pytest.mark.parametrize(
-    ("move", "count"),
-    [
-        (lambda x: x + np.array([30.0, -20.0, 50.0]), 1),
-        (lambda x: x + np.array([30.0, -20.0, 50.0]), 3),
-        (lambda x: rotate(x, 30.0, (1.0, 2.0, 3.0)), 3),
-        (lambda x: rotate(x, 30.0) + np.array([0.0, 5.0, 0.0]), 6),
-    ],
-    ids=["shift", "shift in three", "turn", "turn and shift"],
-)
-def test_rigid_motion_of_all_bones_carries_the_trunk(
-    trunk: TrunkMesh, move: Callable[[np.ndarray], np.ndarray], count: int
-) -> None:
-    """The energy goes back to zero, also where the path leaves the tissue behind."""
-    wanted = move(trunk.nodes) - trunk.nodes
-    for share in (1.0, 0.95):
-        carried = np.where(trunk.prescribed[:, None], wanted, share * wanted)
-        end = settle(model_of(trunk), carried, count, tolerance=1e-6)
-        assert np.linalg.norm(end.displacement - wanted, axis=1).max() < 3e-6
-        assert end.relaxation.energy.total < 1e-10
-        assert end.relaxation.inverted_tets == 0
-
-
-def test_gravity_pulls_down() -> None:
-    """Tissue above its bone sags, more with more gravity, and in proportion while the sag is small."""
-    trunk = block()
-    sags = [
-        -settle(model_of(trunk, gravity=gravity), np.zeros_like(trunk.nodes), tolerance=1e-6)
-        .displacement[~trunk.prescribed, 2]
-        .mean()
-        for gravity in (0.01, 0.02)
-    ]
-    assert 0.0 < sags[0] < sags[1]
-    assert sags[1] == pytest.approx(2.0 * sags[0], rel=1e-2)
 
 
 def test_another_plan_with_the_same_relaxer_is_the_same_to_the_last_bit() -> None:

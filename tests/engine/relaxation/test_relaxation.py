@@ -1,6 +1,5 @@
 """The relaxation as its users see it: where it ends, what it reports, and what it never does."""
 
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -8,7 +7,7 @@ import pytest
 
 from support.meshes import block, block_with_bone
 from support.models import held_turned, model_of, relax
-from support.reference import Reference, volumes
+from support.reference import Reference
 from warp_trunk.engine.newton import Relaxer
 from warp_trunk.engine.relaxation import Relaxation, RelaxOptions, RelaxStatus, RelaxStep
 from warp_trunk.engine.trunk_mesh import TrunkMesh
@@ -25,28 +24,9 @@ SCENES = {"turned face": (block(), held_turned(block(), 25.0)), "moved bone": mo
 EACH_SCENE = pytest.mark.parametrize("scene", SCENES)
 
 
-@cache
-def equilibrium(scene: str, gravity: float) -> np.ndarray:
-    """Where a scene ends, found without the engine to 1e-9 mm."""
-    trunk, start = SCENES[scene]
-    return Reference(trunk, gravity=gravity).equilibrium(start)
-
-
 def single(trunk: TrunkMesh, start: np.ndarray, gravity: float = 0.0, **options: Any) -> tuple[Relaxation, Any]:
     """Relaxes in float32."""
     return relax(model_of(trunk, gravity=gravity, precision="float32"), start, **options)
-
-
-@EACH_SCENE
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-def test_prescribed_nodes_never_move_by_a_bit(scene: str, precision: str) -> None:
-    trunk, start = SCENES[scene]
-    start = start + np.random.default_rng(9).normal(scale=0.3, size=start.shape)
-    start = start.astype(precision).astype(float)
-    _, found = relax(model_of(trunk, precision=precision), start, max_steps=30, tolerance=1e-3)
-    held = trunk.prescribed
-    assert (found[held] == start[held]).all()
-    assert (found[~held] != start[~held]).any(axis=1).all()
 
 
 @EACH_SCENE
@@ -71,18 +51,6 @@ def test_energy_never_rises_and_every_step_is_seen_as_it_was(gravity: float, sce
     seconds = [step.seconds for step, _ in seen]
     assert seconds[0] > 0.0
     assert sorted(seconds) == seconds
-
-
-@EACH_SCENE
-@pytest.mark.parametrize("gravity", [0.0, 9.81])
-@pytest.mark.parametrize("tolerance", [1.0, 0.1, 0.01])
-def test_reported_error_is_honest(gravity: float, scene: str, tolerance: float) -> None:
-    """The true distance, to a dense float64 solution of an energy written apart, is at most twice the reported."""
-    ended, found = single(*SCENES[scene], gravity, tolerance=tolerance, max_steps=2000)
-    assert ended.status is RelaxStatus.CONVERGED
-    assert ended.estimated_error <= tolerance
-    true = np.linalg.norm(found - equilibrium(scene, gravity), axis=1).max()
-    assert true <= 2.0 * ended.estimated_error
 
 
 @pytest.mark.parametrize("threads", [1, 2])
@@ -113,29 +81,8 @@ def test_float32_reports_that_it_cannot_reach_a_nanometre(scene: str) -> None:
     ended, found = single(*SCENES[scene], tolerance=1e-9, max_steps=2000)
     assert ended.status is RelaxStatus.STALLED
     rounding = np.finfo(np.float32).eps * np.abs(found).max()
-    true = np.linalg.norm(found - equilibrium(scene, 0.0), axis=1).max()
+    true = Reference(SCENES[scene][0]).error(found)
     assert 1e-9 < true <= rounding + 2.0 * ended.estimated_error
-
-
-def test_inverts_no_further_tetrahedron() -> None:
-    """Whatever is inverted at the end was so at the start, and the count is right."""
-    trunk, start = SCENES["turned face"]
-    start = held_turned(trunk, 60.0) + np.random.default_rng(10).normal(scale=3.0, size=start.shape)
-    before = volumes(trunk.nodes + start, trunk.tets) <= 0.0
-    ended, found = relax(model_of(trunk), start, max_steps=300)
-    after = volumes(trunk.nodes + found, trunk.tets) <= 0.0
-    assert before.any()
-    assert not (after & ~before).any()
-    assert ended.inverted_tets == after.sum()
-
-
-def test_an_equilibrium_stays() -> None:
-    trunk = SCENES["turned face"][0]
-    ended, found = single(trunk, np.zeros_like(trunk.nodes), tolerance=1e-6)
-    assert ended.status is RelaxStatus.CONVERGED
-    assert ended.steps <= 2
-    assert ended.energy.total == 0.0
-    assert (found == 0.0).all()
 
 
 def test_small_motions_take_newton_few_steps() -> None:
