@@ -1,14 +1,18 @@
-"""Topology of tetrahedra, against Python sets."""
+"""Topology and order of tetrahedra against Python sets, and the parts of a trunk and its file."""
 
 from __future__ import annotations
 
 from collections import Counter
-from itertools import combinations
+from dataclasses import fields, replace
+from itertools import combinations, pairwise
 
+import meshio
 import numpy as np
 import pytest
 
 from support.meshes import block, block_with_bone, single_tet
+from support.synthetic import shell_trunk
+from warp_trunk.engine.ordering import bisect
 from warp_trunk.engine.topology import (
     EDGES,
     FACES,
@@ -17,6 +21,9 @@ from warp_trunk.engine.topology import (
     find_pieces,
     square_pattern,
 )
+from warp_trunk.engine.trunk_mesh import check_trunk, tet_volumes
+from warp_trunk.errors import InputError
+from warp_trunk.io.trunk_file import read_trunk, write_trunk
 
 MESHES = {
     "block": block().tets,
@@ -74,3 +81,96 @@ def test_pieces_have_the_number_of_their_lowest_node() -> None:
     expected[:103] = 0
     expected[[104, 105, 106, 110, 111, 112, 113]] = 104
     np.testing.assert_array_equal(find_pieces(np.concatenate([chain, other]), 115), expected)
+
+
+POINTS = np.random.default_rng(0).uniform(size=(1000, 3)) * [10.0, 3.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("count", "parts"), [(1, 1), (2, 1), (2, 2), (3, 2), (3, 3), (17, 5), (17, 8), (1000, 3), (1000, 100)]
+)
+def test_order_is_a_permutation_in_equal_parts(count: int, parts: int) -> None:
+    order, bounds = bisect(POINTS[:count], parts)
+    assert sorted(order) == list(range(count))
+    assert (bounds[0], bounds[-1], len(bounds)) == (0, count, parts + 1)
+    sizes = np.diff(bounds)
+    assert sizes.min() >= 1
+    assert np.abs(sizes - count / parts).max() <= np.ceil(np.log2(max(parts, 2)))
+
+
+def test_parts_are_compact() -> None:
+    """Sixteen parts of a 10 x 3 x 1 box: each has less than a third of the spread of the whole."""
+    order, bounds = bisect(POINTS, 16)
+    spread = [np.linalg.norm(np.ptp(POINTS[order[a:b]], axis=0)) for a, b in pairwise(bounds)]
+    assert max(spread) < np.linalg.norm(np.ptp(POINTS, axis=0)) / 3.0
+
+
+def test_first_cut_is_across_the_longest_axis() -> None:
+    order, bounds = bisect(POINTS, 2)
+    low, high = POINTS[order[: bounds[1]], 0], POINTS[order[bounds[1] :], 0]
+    assert low.max() <= high.min()
+
+
+def test_equal_points_are_no_trouble() -> None:
+    order, bounds = bisect(np.zeros((64, 3)), 8)
+    assert sorted(order) == list(range(64))
+    assert (np.diff(bounds) == 8).all()
+
+
+@pytest.fixture(scope="module")
+def trunk():
+    return shell_trunk()
+
+
+def test_vtu_brings_everything_back(trunk, tmp_path):
+    displacement = np.random.default_rng(0).normal(size=trunk.nodes.shape)
+    trunk = replace(trunk, bone_names=("T7", "côte gauche"))
+    write_trunk(tmp_path / "trunk.vtu", trunk, displacement)
+    back, moved = read_trunk(tmp_path / "trunk.vtu")
+    for field in fields(trunk):
+        np.testing.assert_array_equal(getattr(back, field.name), getattr(trunk, field.name))
+    np.testing.assert_array_equal(moved, displacement)
+
+
+def test_vtu_is_plain_for_others(trunk, tmp_path):
+    write_trunk(tmp_path / "trunk.vtu", trunk)
+    mesh = meshio.read(tmp_path / "trunk.vtu")
+    np.testing.assert_array_equal(mesh.points, trunk.nodes)
+    np.testing.assert_array_equal(mesh.cells_dict["tetra"], trunk.tets)
+    kind = mesh.point_data["node_kind"]
+    np.testing.assert_array_equal(np.flatnonzero(kind == 1), np.sort(trunk.skin_nodes))
+    np.testing.assert_array_equal(kind == 2, trunk.prescribed)
+    np.testing.assert_array_equal(mesh.point_data["bone"], trunk.bone)
+    np.testing.assert_array_equal(mesh.point_data["displacement"], 0.0)
+    parts = mesh.cell_data_dict["part"]["triangle"]
+    assert np.bincount(parts).tolist() == [0, len(trunk.skin_faces), len(trunk.bone_faces)]
+
+
+def test_what_does_not_fit_is_named(trunk, tmp_path):
+    with pytest.raises(InputError, match="one row a node"):
+        write_trunk(tmp_path / "trunk.vtu", trunk, np.zeros((3, 3)))
+    meshio.write(tmp_path / "foreign.vtu", meshio.Mesh(trunk.nodes, [("tetra", trunk.tets)]))
+    with pytest.raises(InputError, match="cannot be read as a trunk mesh"):
+        read_trunk(tmp_path / "foreign.vtu")
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda t: {"tets": t.tets[:, [1, 0, 2, 3]]}, "positive volume"),
+        (lambda t: {"tets": t.tets + 10000}, "'tets' must lie"),
+        (lambda t: {"tets": t.tets[:0]}, "no tetrahedra"),
+        (lambda t: {"bone": t.bone + 1}, "'bone' must lie"),
+        (lambda t: {"bone": t.bone[1:]}, "'bone' must have shape"),
+        (lambda t: {"nodes": np.full_like(t.nodes, np.nan)}, "finite"),
+        (lambda t: {"skin_nodes": np.zeros_like(t.skin_nodes)}, "node of its own"),
+    ],
+)
+def test_parts_that_do_not_fit_are_named(trunk, change, says):
+    with pytest.raises(InputError, match=says):
+        check_trunk(replace(trunk, **change(trunk)), "trunk")
+
+
+def test_volume_of_a_corner_of_a_cube():
+    nodes = np.array([[0.0, 0, 0], [2, 0, 0], [0, 3, 0], [0, 0, 4]]) + 1300.0
+    np.testing.assert_allclose(tet_volumes(nodes, np.array([[0, 1, 2, 3], [1, 0, 2, 3]])), [4.0, -4.0])
