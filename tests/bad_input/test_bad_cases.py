@@ -103,7 +103,7 @@ CASES = [
     (
         "Slicer's file without axes",
         instead("landmarks_after.csv", "landmarks_after.fcsv", b"# columns = id,x,y,z,label\n1,0,0,0,a\n"),
-        "landmarks_after.fcsv: does not say",
+        "landmarks_after.fcsv: does not say '# CoordinateSystem",
     ),
     ("Slicer's file with true for a number", instead("landmarks_after.csv", "landmarks_after.mrk.json",
      b'{"markups": [{"controlPoints": [{"label": "a", "position": [true, 1, 2]}]}]}'),
