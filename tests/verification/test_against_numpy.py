@@ -232,16 +232,6 @@ def test_weight_of_tissues_in_newtons() -> None:
     assert newtons == pytest.approx(9.81 * (900.0 * volume[::2].sum() + 1300.0 * volume[1::2].sum()), rel=1e-10)
 
 
-def test_a_uniform_scene_uploads_no_constant_for_each_tetrahedron() -> None:
-    mesh = block((2, 2, 2))
-    labelled = replace(mesh, tissue=np.zeros(len(mesh.tets), dtype=np.int8))
-    itmsm: Any = model_of(labelled, SOFT).elements
-    continuum: Any = model_of(mesh, SOFT, energy="neo-hookean").elements
-    assert len(itmsm.theta) == len(itmsm.gravity_weight) == len(continuum.moduli) == 1
-    layers: Any = model_of(labelled, (SOFT, STIFF), energy="neo-hookean").elements
-    assert len(layers.moduli) == len(mesh.tets)
-
-
 @pytest.mark.parametrize(
     ("label", "tissue", "options", "text"),
     [
