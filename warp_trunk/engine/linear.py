@@ -75,8 +75,9 @@ class Iterates:
     def zero(cls, model: Model, rows: int) -> Iterates:
         """All of them zero, with room for the products of some iterations and none counted."""
         iteration = model.array(np.array([-1]), wp.int32)
-        dots = (Dots.zero(model, iteration, rows) for _ in range(2))
-        return cls(*(model.free_vectors() for _ in range(5)), *dots)
+        r_dot_z, p_dot_q = (Dots.zero(model, iteration, rows) for _ in range(2))
+        x, r, z, p, q = (model.free_vectors() for _ in range(5))
+        return cls(x, r, z, p, q, r_dot_z, p_dot_q)
 
     def scalars(self, model: Model) -> list[Any]:
         """The arguments of kernels of the CPU that find alpha or beta."""

@@ -164,11 +164,12 @@ class Parallel:
         of the ranges. A `NativeKernel` loops over a range itself on the CPU. `block` is the number of threads of a
         CUDA block.
         """
-        bounds = size
-        if isinstance(size, int):
+        if isinstance(size, np.ndarray):
+            bounds = size.astype(np.int64)
+        else:
             bounds = self.split(size) if size >= self.least_split else np.array([0, size])
         commands: list[Any] = []
-        for slab, (first, end) in enumerate(pairwise(bounds.astype(np.int64).tolist())):
+        for slab, (first, end) in enumerate(pairwise(bounds.tolist())):
             dim = -(-(end - first) // block) * block if self.is_cuda else end - first
             if isinstance(kernel, NativeKernel) and not self.is_cuda:
                 dim = 1
