@@ -61,8 +61,9 @@ def neighbour_means(surface: Surface) -> csr_array:
 
 def area_vectors(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Outward normal of each triangle (faces, 3), of the length of its area [mm^2]; zero for one without area."""
-    a, b, c = np.moveaxis(vertices[faces], 1, 0)
-    return 0.5 * np.cross(b - a, c - a)
+    along = np.ascontiguousarray(vertices.T)  # NumPy works several times as fast on long rows
+    a, b, c = (along.take(corner, axis=1) for corner in faces.T)
+    return np.ascontiguousarray(0.5 * np.cross(b - a, c - a, axis=0).T)
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
@@ -72,9 +73,9 @@ def unit(vectors: np.ndarray) -> np.ndarray:
 
 def vertex_areas(surface: Surface) -> np.ndarray:
     """A third of the area vectors [mm^2] of the triangles around each vertex, shape (vertices, 3)."""
-    third = np.repeat(area_vectors(surface.vertices, surface.faces) / 3.0, 3, axis=0)
+    third = np.repeat(area_vectors(surface.vertices, surface.faces).T / 3.0, 3, axis=1)
     corner, count = surface.faces.reshape(-1), len(surface.vertices)
-    return np.column_stack([np.bincount(corner, third[:, k], minlength=count) for k in range(3)])
+    return np.column_stack([np.bincount(corner, along, count) for along in third])
 
 
 def vertex_normals(surface: Surface) -> np.ndarray:
