@@ -2,8 +2,13 @@
 
 import dataclasses
 import json
+import os
+import signal
 import sys
+import threading
+import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +17,45 @@ import pytest
 from distributed import Client, LocalCluster
 
 from support.cohort_cases import cohort_options, contents, turned_case, write_cohort_cases
-from support.killing import killed_at_work
 from warp_trunk.case import write_case
 from warp_trunk.cli import main
 from warp_trunk.cohort.one_case import JUDGED, LOG, do_case
 from warp_trunk.cohort.working import connected, work
 from warp_trunk.errors import InputError
+from warp_trunk.io.folders import LOCK
 from warp_trunk.run.progress import Progress
+
+PATIENCE = 120.0
+"""How long a process at work is waited for [s]."""
+
+
+@contextmanager
+def killed_at_work(out: Path) -> Iterator[list[int]]:
+    """Meanwhile the first process that writes a result into a folder of `out` is killed with signal 9.
+
+    The list holds its id once it is; this process is spared.
+    """
+    killed: list[int] = []
+    over = threading.Event()
+
+    def kill() -> None:
+        until = time.monotonic() + PATIENCE
+        while time.monotonic() < until and not over.wait(0.02):
+            for lock in out.glob(f"*/{LOCK}"):
+                text = lock.read_text().strip() if lock.exists() else ""
+                if text and int(text) != os.getpid():
+                    os.kill(int(text), signal.SIGKILL)
+                    killed.append(int(text))
+                    return
+
+    watcher = threading.Thread(target=kill)
+    watcher.start()
+    try:
+        yield killed
+    finally:
+        over.set()
+        watcher.join()
+
 
 OPTIONS = "--tets 8000 --bone-voxel 8 --increments 1 --device cpu --no-record"
 """Those of `cohort_options`."""

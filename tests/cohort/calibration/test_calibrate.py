@@ -1,24 +1,28 @@
-"""A calibration over patients: its search, file and page, and what the command refuses."""
+"""A calibration over patients: its constants, one case, least squares with priors, and what is refused."""
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from support.cohort_cases import turned_case
+from support.asserting import refuses, there
+from support.cohort_cases import cohort_options, turned_case
 from support.small_case import small_case
 from warp_trunk.case import write_case
 from warp_trunk.case.case import Study
-from warp_trunk.case.tissue_file import read_tissue_file
+from warp_trunk.case.tissue_file import constant_of, read_tissue_file
 from warp_trunk.cohort.calibration.calibrate import Calibration, Found, HeldOut, Rounds, prior_of
-from warp_trunk.cohort.calibration.fit import Prior
-from warp_trunk.cohort.calibration.free_constants import FreeConstant
-from warp_trunk.cohort.calibration.one_fit import CaseFit, FitJob
+from warp_trunk.cohort.calibration.fit import Prior, certainty, find, without
+from warp_trunk.cohort.calibration.free_constants import FreeConstant, check_free, values_of
+from warp_trunk.cohort.calibration.one_fit import CaseFit, FitJob, fit_case
 from warp_trunk.cohort.calibration.report import calibration_text, write_calibration
 from warp_trunk.cohort.statistics import over_patients
+from warp_trunk.engine.relaxation import RelaxOptions
+from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.errors import InputError
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.progress import Progress
@@ -146,3 +150,202 @@ def test_what_fails_at_the_start_takes_no_part() -> None:
     assert list(rounds.left_out) == ["never"]
     with pytest.raises(InputError, match="no case could be simulated; the first: never"):
         Known({"never": -1.0}).search(PRIOR)
+
+
+def prior(*, weight: float = 1.0, mean: Sequence[float] = (0.0, 0.0), sd: Sequence[float] = (1.0, 2.0)) -> Prior:
+    ends = np.full(len(mean), 9.0)
+    return Prior(mean=np.array(mean), sd=np.array(sd), low=-ends, high=ends, weight=weight)
+
+
+def linear(seed: int, patients: int, truth: np.ndarray, noise: float):
+    """Patients whose residuals are linear in the constants, each with an error that her places share."""
+    random = np.random.default_rng(seed)
+    parts = {}
+    for number in range(patients):
+        J = random.standard_normal((30, len(truth)))
+        parts[str(number)] = (J, J @ random.standard_normal(len(truth)) * noise)
+
+    def evaluate(x: np.ndarray):
+        return {name: (J @ (x - truth) + own, J) for name, (J, own) in parts.items()}
+
+    return evaluate
+
+
+def test_one_place_and_a_prior_by_hand():
+    """Residual x - 3 with deviation 1, prior 0 ± 1: the middle, 1.5, variance 1 / 2, half of it from the place."""
+    believed = prior(mean=(0.0,), sd=(1.0,))
+    found = find(lambda x: {"a": (np.array([x[0] - 3.0]), np.ones((1, 1)))}, believed)
+    assert found.converged
+    assert found.counted[0] == pytest.approx(1.5)
+    sure = certainty(found.pieces, believed)
+    assert sure.sd[0] == pytest.approx(np.sqrt(0.5))
+    assert sure.from_data[0] == pytest.approx(0.5)
+    assert sure.width == pytest.approx(1.96, abs=0.001)
+
+
+def test_without_a_prior_the_truth_comes_back():
+    truth = np.array([1.2, -0.7])
+    found = find(linear(1, 5, truth, 0.0), prior(weight=0.0))
+    assert found.counted == pytest.approx(truth, abs=1e-6)
+    assert certainty(found.pieces, prior(weight=0.0)).from_data == pytest.approx([1.0, 1.0])
+
+
+def test_where_nothing_is_known_a_shorter_step_is_taken():
+    """Residual sinh(x) - 1 from 0.1, whose first step leads beyond 0.95: what is worse there is not lost."""
+
+    def evaluate(x: np.ndarray):
+        known = np.minimum(x, 0.95)
+        worse = 3.0 if x[0] > 0.95 else 1.0
+        return {"a": (worse * (np.sinh(known) - 1.0), np.cosh(known)[:, None])}
+
+    found = find(evaluate, prior(weight=0.0, mean=(0.1,), sd=(1.0,)))
+    assert found.counted[0] == pytest.approx(np.arcsinh(1.0), abs=2e-3)
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say():
+    """Errors that all places of a patient share: intervals from places alone would hold it in a third of cases."""
+    truth, inside, draws = np.array([0.5, -0.3]), 0, 150
+    for seed in range(draws):
+        believed = prior(weight=1e-6)
+        found = find(linear(seed, 12, truth, 1.0), believed)
+        sure = certainty(found.pieces, believed)
+        inside += int((np.abs(found.counted - truth) <= sure.width * sure.sd).sum())
+    assert 0.90 <= inside / (2 * draws) <= 0.99
+
+
+def test_leaving_a_patient_out_is_the_fit_to_the_others():
+    evaluate, believed = linear(4, 6, np.array([0.4, 0.9]), 0.5), prior()
+    found = find(evaluate, believed)
+    others = find(lambda x: {name: piece for name, piece in evaluate(x).items() if name != "2"}, believed)
+    assert without(found.pieces, "2", found.counted, believed) == pytest.approx(others.counted, abs=1e-5)
+
+
+def test_constants_that_only_act_together_are_correlated():
+    J = np.ones((20, 2))
+    sure = certainty({"a": (np.zeros(20), J)}, prior(sd=(1.0, 1.0)))
+    assert sure.correlation[0, 1] < -0.9
+    assert sure.from_data == pytest.approx([20.0 / 41.0] * 2)
+
+
+PAPERS: dict[str, Any] = {"bones": "spline"}
+CONTINUUM: dict[str, Any] = {"bones": "spline", "energy": "neo-hookean"}
+
+
+@pytest.mark.parametrize(
+    ("names", "options", "why"),
+    [
+        (("poison_ratio",), {}, "did you mean 'poisson_ratio'?"),
+        (("youngs_modulus",), PAPERS, "all forces grow with it alike"),
+        (("youngs_modulus",), CONTINUUM, "give --gravity 9.81, or free the ratio of layers"),
+        (("epsilon",), {}, "simulated with neo-hookean; give --energy itmsm"),
+        (("poisson_ratio",), PAPERS, "give --energy neo-hookean"),
+        (("ribs.reversible_part",), PAPERS, "give --bones follow"),
+        (("fat.youngs_modulus",), {}, "give --layers depth"),
+        (
+            ("skin.youngs_modulus", "fat.youngs_modulus", "muscle.youngs_modulus"),
+            {"layers": "depth"},
+            "only ratios of the layers' Young's moduli act; leave one out",
+        ),
+    ],
+)
+def test_what_no_skin_tells_is_refused(names: tuple[str, ...], options: dict[str, Any], why: str) -> None:
+    with refuses(why):
+        check_free(names, small_case(), RunOptions(**options))
+
+
+def test_constants_that_move_the_skin_are_accepted() -> None:
+    check_free(("epsilon", "theta"), small_case(), RunOptions(**PAPERS))
+    check_free(("youngs_modulus", "density"), small_case(), RunOptions(gravity=9.81))
+    check_free(
+        ("ribs.axial_rotation", "poisson_ratio", "fat.youngs_modulus"), small_case(), RunOptions(layers="depth")
+    )
+
+
+@pytest.mark.parametrize("name", ["poisson_ratio", "fat.youngs_modulus", "theta", "density", "ribs.scapula"])
+def test_counting_goes_there_and_back(name: str) -> None:
+    start = constant_of(small_case(), name)
+    free = FreeConstant(name=name, start=start)
+    counted = free.counted(start)
+    assert values_of([free], np.array([counted]))[name] == pytest.approx(start)
+    low, high = free.limits
+    assert low <= counted <= high
+    step = 1e-6
+    change = (free.value(counted + step) - free.value(counted - step)) / (2.0 * step)
+    assert free.slope(start) == pytest.approx(change, rel=1e-6)
+    assert free.believed > 0.0
+
+
+FREE = ("poisson_ratio", "fat.youngs_modulus", "ribs.reversible_part", "ribs.axial_rotation")
+
+
+@pytest.fixture(scope="module")
+def job(tmp_path_factory: pytest.TempPathFactory) -> FitJob:
+    return made_job(tmp_path_factory, FREE)
+
+
+def made_job(tmp_path_factory: pytest.TempPathFactory, names: tuple[str, ...], **changed: Any) -> FitJob:
+    """A case in which T7 turns, and these constants free."""
+    folder = tmp_path_factory.mktemp("fit") / "case"
+    case = turned_case("fit", 2.0)
+    marks = case.planned_landmarks
+    turned = marks.points.copy()
+    rows = [row for row, name in enumerate(marks.names) if name.startswith("T7")]
+    middle = turned[rows].mean(axis=0)
+    c, s = np.cos(0.3), np.sin(0.3)
+    turned[rows] = (turned[rows] - middle) @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) + middle
+    write_case(folder, replace(case, landmarks_after=replace(marks, points=turned)))
+    options = replace(
+        cohort_options(threads=1).run,
+        energy="neo-hookean",
+        layers="depth",
+        bones="follow",
+        precision="float64",
+        simulation=SimulationOptions(increments=2, relax=RelaxOptions(tolerance=1e-6)),
+        **changed,
+    )
+    free = tuple(FreeConstant(name=name, start=constant_of(case, name)) for name in names)
+    return FitJob(folder=folder, options=options, align_pelvis=False, free=free)
+
+
+def test_derivatives_are_differences(job: FitJob) -> None:
+    check_derivatives(job)
+
+
+def test_under_gravity_constants_move_the_rest_state_too(tmp_path_factory: pytest.TempPathFactory) -> None:
+    check_derivatives(made_job(tmp_path_factory, ("fat.youngs_modulus",), gravity=9.81))
+
+
+def check_derivatives(job: FitJob) -> None:
+    start = np.array([one.counted(one.start) for one in job.free])
+    derivative = there(fit_case(job, start).derivative)
+    plain = replace(job, derivative=False)
+    for number, free in enumerate(job.free):
+        step = np.zeros(len(start))
+        step[number] = 0.05 * free.believed  # distances are float32
+        higher, lower = (fit_case(plain, start + way * step).residuals for way in (1.0, -1.0))
+        difference = (higher - lower) / (2.0 * step[number])
+        size = np.linalg.norm(difference)
+        assert size > 1e-2, free.name
+        # of all places together: where the nearest point changes its triangle, a difference sees both
+        assert np.linalg.norm(derivative[:, number] - difference) < 0.02 * size, free.name
+
+
+def relaxed(job: FitJob, relax: RelaxOptions) -> FitJob:
+    return replace(job, options=replace(job.options, simulation=SimulationOptions(increments=2, relax=relax)))
+
+
+def test_a_skin_that_is_settled_counts_though_no_equilibrium_is_confirmed(job: FitJob) -> None:
+    start = np.array([one.counted(one.start) for one in job.free])
+    unreached = relaxed(job, RelaxOptions(tolerance=1e-15, max_steps=12))
+    found, wanted = fit_case(unreached, start), fit_case(job, start)
+    np.testing.assert_allclose(found.residuals, wanted.residuals, atol=1e-4)
+    slope, known = there(found.derivative), there(wanted.derivative)
+    np.testing.assert_allclose(slope, known, atol=1e-2 * np.abs(known).max())
+
+
+def test_a_skin_on_its_way_does_not_count(job: FitJob) -> None:
+    with pytest.raises(InputError, match=r"ended STEP_LIMIT, the skin \d+\.\d mm from equilibrium"):
+        fit_case(
+            relaxed(job, RelaxOptions(method="gradient", max_steps=1)),
+            np.array([one.counted(one.start) for one in job.free]),
+        )
