@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from support.asserting import refuses, there
 from support.known_spine import LEVELS, before_and_after, exchanged, shifted, with_errors
-from support.small_case import palpated, small_case
+from support.small_case import mapped, palpated, small_case
 from warp_trunk.case import Case, read_case, write_case
 from warp_trunk.case.checks import CaseSource, check_case
 from warp_trunk.case.landmark_checks import align_pelvis, check_frame, check_motion, check_order, check_shapes
@@ -40,18 +40,6 @@ def without(prefix: str):
 
 def moved(name: str, by) -> Case:
     return with_landmarks(lambda points: points | {name: points[name] + by})
-
-
-def turned(case: Case, M: np.ndarray) -> Case:
-    """The whole case under a linear map that keeps outside outside."""
-    flip = slice(None, None, -1 if np.linalg.det(M) < 0 else 1)
-    return replace(
-        case,
-        skin=Surface(case.skin.vertices @ M.T, case.skin.faces[:, flip]),
-        bones={n: Surface(b.vertices @ M.T, b.faces[:, flip]) for n, b in case.bones.items()},
-        landmarks_before=Landmarks(case.landmarks_before.names, case.landmarks_before.points @ M.T),
-        landmarks_after=Landmarks(case.planned_landmarks.names, case.planned_landmarks.points @ M.T),
-    )
 
 
 def scaled(key: str, by: float) -> Case:
@@ -85,8 +73,8 @@ REFUSED = [
     (scaled("skin", 1.0 / 25.4), f"skin: {UNITS.format('22.64', 'in')}write it in mm"),
     (scaled("actual_skin", 1e-3), f"actual_skin: {UNITS.format('0.575', 'm')}write it in mm"),
     (scaled("skin", 1.7), "977.5 mm tall.*--cut-above Z --cut-below Z"),
-    (turned(small_case(), np.eye(3) / 10.0), 'skin: the trunk is 57.5 mm tall.*; set units = "cm"'),
-    (turned(small_case(), np.diag([1, -1, -1])),
+    (mapped(small_case(), np.eye(3) / 10.0), 'skin: the trunk is 57.5 mm tall.*; set units = "cm"'),
+    (mapped(small_case(), np.diag([1, -1, -1])),
      'case: axes = "LPS" does not put the vertebrae behind the ASIS nor T7 above L3 in'),
     (hips_exchanged(small_case()), "they seem exchanged; correct their names"),
 ]  # fmt: skip
@@ -156,7 +144,7 @@ def test_bones_after_surgery_are_those_before_moved_rigidly(tmp_path):
 def test_anatomy_in_other_axes_is_offered_those_and_no_other_names(signs, axes, more, tmp_path):
     """Obeying the offer gives the case as it was, its right curve on the right."""
     whole = small_case()
-    write_case(tmp_path, turned(whole, np.diag(signs)))
+    write_case(tmp_path, mapped(whole, np.diag(signs)))
     with refuses(f'write axes = "{axes}"', more):
         read_case(tmp_path)
     header = (tmp_path / "case.toml").read_text().replace('"LPS"', f'"{axes}"')

@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 
 from support.asserting import there
-from support.small_case import small_case
+from support.small_case import mapped, small_case
 from warp_trunk.case import Axes, Case, read_case, write_case
 from warp_trunk.case.anatomy import check_file_names
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.io.surface_files import write_surface
 
 
 def assert_equal(one: Case, other: Case) -> None:
@@ -66,20 +65,7 @@ def test_round_trip_keeps_every_bit(tmp_path):
 def test_axes_and_units_are_converted_at_the_border(tmp_path, code):
     """Files written in other axes, in metres, come back as the same case."""
     case = small_case()
-    write_case(tmp_path, case)
-    to_file = Axes(code).matrix.T / 1000.0
-    mirrored = Axes(code).left_handed
-
-    def rewrite(surface: Surface, path: Path) -> None:
-        faces = surface.faces[:, ::-1] if mirrored else surface.faces
-        write_surface(path, Surface(surface.vertices @ to_file.T, faces))
-
-    rewrite(case.skin, tmp_path / "skin.ply")
-    for name, bone in case.bones.items():
-        rewrite(bone, tmp_path / "bones" / f"{name}.ply")
-    for key in ("landmarks_before", "landmarks_after"):
-        landmarks = getattr(case, key)
-        write_landmarks(tmp_path / f"{key}.csv", Landmarks(landmarks.names, landmarks.points @ to_file.T))
+    write_case(tmp_path, mapped(case, Axes(code).matrix.T / 1000.0))
     (tmp_path / "case.toml").write_text(f'axes = "{code}"\nunits = "m"\n')
     back = read_case(tmp_path)
     np.testing.assert_allclose(back.skin.vertices, case.skin.vertices, atol=1e-9)

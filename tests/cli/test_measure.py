@@ -8,7 +8,7 @@ import pytest
 
 from support.asserting import there
 from support.report_results import write_small_result
-from support.small_case import small_case
+from support.small_case import mapped, small_case
 from warp_trunk.case import write_case
 from warp_trunk.cli import main
 from warp_trunk.cli.output import OK
@@ -63,23 +63,7 @@ def test_surface_in_the_case_folder_has_its_axes_and_units(place, tmp_path):
     """The same case in centimetres, with x to the right and y to the front; the skin beside it stays as it is."""
     folder, case, after = place
 
-    def theirs(points):
-        return points * [-0.1, -0.1, 0.1]
-
-    def surface(one):
-        return Surface(theirs(one.vertices), one.faces)
-
-    write_case(
-        tmp_path / "case",
-        replace(
-            case,
-            skin=surface(case.skin),
-            actual_skin=surface(after),
-            bones={name: surface(bone) for name, bone in case.bones.items()},
-            landmarks_before=replace(case.landmarks_before, points=theirs(case.landmarks_before.points)),
-            landmarks_after=replace(case.landmarks_after, points=theirs(case.landmarks_after.points)),
-        ),
-    )
+    write_case(tmp_path / "case", mapped(replace(case, actual_skin=after), np.diag([-0.1, -0.1, 0.1])))
     header = tmp_path / "case" / "case.toml"
     header.write_text(header.read_text().replace('"mm"', '"cm"').replace('"LPS"', '"RAS"'))
     theirs_too = (tmp_path, case, after)

@@ -6,13 +6,13 @@ import polars as pl
 import pytest
 
 from support.known_spine import known_spine
-from support.trunk_shapes import ellipse, flat_back, rotation, spine, tube
+from support.trunk_shapes import ellipse, posed, rotation, spine, tube
 from warp_trunk.measures import compare_skins, measure
 from warp_trunk.measures.comparison import comparison_rows
 from warp_trunk.measures.quantities import COLUMNS, QUANTITIES, Measured, MeasureTable, measured
 from warp_trunk.measures.rows import STATES, MeasureRow, level_rows, measure_rows, measures_text
 from warp_trunk.report.sentences import sentences
-from warp_trunk.report.style import BEFORE, PREDICTED, TrunkState
+from warp_trunk.report.style import BEFORE, PREDICTED
 
 LEVELS = {"T3": 420.0, "T4": 350.0, "T12": 200.0, "L5": 50.0}
 
@@ -65,17 +65,10 @@ def scaled(angles, share):
     return {level: share * angle for level, angle in angles.items()}
 
 
-def pose(look, spine, turn=0.0):
-    """A trunk with a flat back, turned clockwise seen from above, and its spine."""
-    skin = tube(flat_back() @ rotation(-turn).T, bottom=-80.0, top=440.0)
-    measures = measure(skin, spine)
-    return TrunkState(look, skin, spine, measures, MeasureTable.of({look.state: measures}))
-
-
 def poses(before, planned, turned=(12.0, 4.0), **options):
     return [
-        pose(BEFORE, known_spine(to_left=before, **options), turned[0]),
-        pose(PREDICTED, known_spine(to_left=planned, **options), turned[1]),
+        posed(BEFORE, known_spine(to_left=before, **options), turned[0]),
+        posed(PREDICTED, known_spine(to_left=planned, **options), turned[1]),
     ]
 
 

@@ -8,14 +8,13 @@ import pytest
 
 from support.known_spine import known_spine
 from support.report_results import write_small_result
-from support.trunk_shapes import flat_back, rotation, tube
+from support.trunk_shapes import posed
 from warp_trunk.cli import main
 from warp_trunk.errors import InputError
-from warp_trunk.measures import measure
 from warp_trunk.measures.quantities import MeasureTable
 from warp_trunk.measures.rows import measure_rows
 from warp_trunk.report.plans import apart_of, apart_table, differences
-from warp_trunk.report.style import BEFORE, PLANS, TrunkState
+from warp_trunk.report.style import BEFORE, PLANS
 from warp_trunk.report.writing import write_comparison
 from warp_trunk.results import read_result
 from warp_trunk.results.bands import Effects
@@ -25,10 +24,7 @@ CURVE = {"T1": 28.0, "T5": 30.0, "T12": -30.0, "L5": -28.0}
 
 def pose(look, share, turn):
     """A trunk turned by an angle, and a spine with a share of a curve of 60 degrees."""
-    spine = known_spine(to_left={level: share * tilt for level, tilt in CURVE.items()})
-    skin = tube(flat_back() @ rotation(-turn).T, bottom=-80.0, top=440.0)
-    measures = measure(skin, spine)
-    return TrunkState(look, skin, spine, measures, MeasureTable.of({look.state: measures}))
+    return posed(look, known_spine(to_left={level: share * tilt for level, tilt in CURVE.items()}), turn)
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,7 @@
 """Reliefs of the back and boxes of vertebrae, against shapes that are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,10 +9,9 @@ from support.known_spine import BODY, known_spine
 from support.meshes import turned_about_z
 from support.small_trunk import small_landmarks
 from support.synthetic import grid_faces
-from support.trunk_shapes import flat_back, tube
+from support.trunk_shapes import posed
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures import measure
 from warp_trunk.measures.quantities import Measured, MeasureTable
 from warp_trunk.report.hump import COLOUR_STEP, hump_palette, side_difference
 from warp_trunk.report.relief import (
@@ -23,7 +24,7 @@ from warp_trunk.report.relief import (
     seen_from,
 )
 from warp_trunk.report.spine_pictures import DEEP, FACES, WIDE, spine_picture, vertebra_boxes
-from warp_trunk.report.style import BEFORE, TrunkState
+from warp_trunk.report.style import BEFORE
 
 
 def sheet(depth):
@@ -147,10 +148,8 @@ def test_faces_look_outwards():
 
 def test_angles_written_on_a_spine_are_those_of_the_table():
     spine = known_spine(to_left={"T1": -10.0, "T5": 30.0, "T12": -30.0, "L4": 0.0})
-    skin = tube(flat_back(), bottom=-80.0, top=440.0)
-    measures = measure(skin, spine)
-    curve = measures.cobb[0]
-    table = MeasureTable([Measured("before", curve.ends, "cobb_deg", 77.0)])
-    figure = spine_picture([TrunkState(BEFORE, skin, spine, measures, table)], BEHIND, [()])
+    state = posed(BEFORE, spine)
+    table = MeasureTable([Measured("before", state.measures.cobb[0].ends, "cobb_deg", 77.0)])
+    figure = spine_picture([replace(state, table=table)], BEHIND, [()])
     angles = [text.get_text() for text in figure.axes[0].texts if text.get_text().endswith("°")]
     assert angles == ["77°"]

@@ -10,6 +10,7 @@ from warp_trunk.case.landmarks import ASIS, NO_LANDMARKS, Landmarks
 from warp_trunk.case.motions import Motion
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.geometry.distance_field import SurfaceDistance
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.preparation.phantom import straight_trunk
 
 from .synthetic import sphere
@@ -31,6 +32,26 @@ def small_case() -> Case:
         landmarks_before=before,
         landmarks_after=Landmarks(before.names, before.points + shift),
         tissue=Tissue(poisson_ratio=1.0 / 3.0, youngs_modulus=17.0),
+    )
+
+
+def mapped(case: Case, M: np.ndarray) -> Case:
+    """The whole case under a linear map that keeps outside outside."""
+    flip = slice(None, None, -1 if np.linalg.det(M) < 0 else 1)
+
+    def surface(one: Surface) -> Surface:
+        return Surface(one.vertices @ M.T, one.faces[:, flip])
+
+    def marks(one: Landmarks) -> Landmarks:
+        return Landmarks(one.names, one.points @ M.T)
+
+    return replace(
+        case,
+        skin=surface(case.skin),
+        actual_skin=None if case.actual_skin is None else surface(case.actual_skin),
+        bones={name: surface(bone) for name, bone in case.bones.items()},
+        landmarks_before=marks(case.landmarks_before),
+        landmarks_after=marks(case.planned_landmarks),
     )
 
 

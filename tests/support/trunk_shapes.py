@@ -7,6 +7,9 @@ import numpy as np
 
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.measures import measure
+from warp_trunk.measures.quantities import MeasureTable
+from warp_trunk.report.style import Look, TrunkState
 
 from .meshes import turned_about_z
 
@@ -84,3 +87,10 @@ def twisted(top: float, bottom: float = 0.0) -> Surface:
     straight = tube(ellipse(240), rows=40)
     degrees = -bottom - (top - bottom) * straight.vertices[:, 2] / 400.0
     return straight.moved(turned_about_z(straight.vertices - [*SPINE, 0.0], degrees))
+
+
+def posed(look: Look, marks: Landmarks, turn: float = 0.0) -> TrunkState:
+    """A trunk with a flat back, turned clockwise seen from above, and its spine, as the report shows them."""
+    skin = tube(flat_back() @ rotation(-turn).T, bottom=-80.0, top=440.0)
+    measures = measure(skin, marks)
+    return TrunkState(look, skin, marks, measures, MeasureTable.of({look.state: measures}))
