@@ -45,10 +45,7 @@ def with_constants(case: Case, constants: Mapping[str, float]) -> Case:
     Raises:
         InputError: a value that a constant cannot have.
     """
-    tables: dict[str, dict[str, float]] = {}
-    for name, value in constants.items():
-        of, _, constant = name.rpartition(".")
-        tables.setdefault(of, {})[constant] = float(value)
+    tables = _by_table(constants)
     shares = dataclasses.replace(case.rib_coupling, **tables.pop(RIBS, {}))
     tissue = dataclasses.replace(case.tissue, **tables.pop("", {}))
     layers = case.layers
@@ -58,6 +55,15 @@ def with_constants(case: Case, constants: Mapping[str, float]) -> Case:
         layers = dataclasses.replace(layers, constants={name: values for name, values in given.items() if values})
         layers.tissues(tissue)  # checks the values
     return dataclasses.replace(case, tissue=tissue, rib_coupling=shares, layers=layers)
+
+
+def _by_table(constants: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """Constants by the layer or the ribs that they are of, "" for the uniform tissue."""
+    tables: dict[str, dict[str, float]] = {}
+    for name, value in constants.items():
+        of, _, constant = name.rpartition(".")
+        tables.setdefault(of, {})[constant] = float(value)
+    return tables
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -89,10 +95,7 @@ def read_tissue_file(path: Path) -> dict[str, float]:
 
 def write_tissue_file(path: Path, constants: Mapping[str, float], remarks: Sequence[str] = ()) -> None:
     """Write constants under lines of remarks, so that `read_tissue_file` reads them back to the last bit."""
-    tables: dict[str, dict[str, float]] = {}
-    for name in sorted(constants, key=CONSTANT_NAMES.index):
-        of, _, constant = name.rpartition(".")
-        tables.setdefault(of, {})[constant] = constants[name]
+    tables = _by_table({name: constants[name] for name in sorted(constants, key=CONSTANT_NAMES.index)})
     layers = {name: tables[name] for name in NAMES if name in tables}
     record = {"tissue": tables.get("", {}), "layers": layers, RIBS: tables.get(RIBS, {})}
     write_whole(path, toml_text(record, remarks))

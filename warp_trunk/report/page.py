@@ -35,19 +35,6 @@ if TYPE_CHECKING:
 
 STATES = (BEFORE, PREDICTED, ACTUAL)
 """States of a result that its page compares, as far as they are known."""
-_OPTIONAL = (
-    "bare_front",
-    "bare_side",
-    "error",
-    "hump",
-    "likely",
-    "own_behind",
-    "shoulders",
-    "stretch_front",
-    "sure",
-    "trends",
-)
-"""Pictures that a page may be without."""
 
 
 def page(
@@ -147,9 +134,9 @@ def environment(*packages: str) -> Environment:
 
 
 def rendered(template: str, drawings: Mapping[str, bytes], **values: Any) -> str:
-    """A page from its template, with pictures as `pictures` (None for those that are not drawn) and the style."""
+    """A page from its template, with the pictures that are drawn as `pictures` and the style."""
     style = files("warp_trunk.report").joinpath("style.css").read_text(encoding="utf-8")
-    pictures = dict.fromkeys(_OPTIONAL) | {name: _address(drawing) for name, drawing in drawings.items()}
+    pictures = {name: _address(drawing) for name, drawing in drawings.items()}
     viewer, source = script()
     values |= {"style": style, "pictures": pictures, "viewer": viewer, "script_source": source}
     return environment("report").get_template(template).render(values).lstrip()

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import json
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 
@@ -45,14 +45,10 @@ class TurningState:
 class Turning:
     """The values of the template `turning.html`."""
 
-    info: str
-    """Numbers of the packed data, as JSON."""
+    info: dict[str, Any]
+    """Names of the states and numbers of the packed data."""
     data: str
     """The packed data, as base64."""
-    names: tuple[str, ...]
-    """Names of the states."""
-    coloured: bool
-    """Whether the skin has colours of its own."""
     bare: bool
     """Whether it may be shown without clothes."""
 
@@ -109,9 +105,7 @@ def turning(
         "limit": limit,
         "coloured": colours is not None,
     }
-    names = tuple(state.name for state in states)
-    text = json.dumps(info).replace("<", "\\u003c")  # ends no element of the page
-    return Turning(text, base64.b64encode(data).decode(), names, colours is not None, bare)
+    return Turning(info, base64.b64encode(data).decode(), bare)
 
 
 def _in_order(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
