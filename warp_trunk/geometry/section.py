@@ -101,18 +101,24 @@ def inside(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray
     return np.count_nonzero(right & ((y0 > y) != (y1 > y)), axis=1) % 2 == 1
 
 
+def crossed(steps: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Each triangle (3, triangles) whose corners are on several steps, and each step below its highest corner."""
+    first, second, third = (steps.take(corner) for corner in corners)
+    least = np.minimum(np.minimum(first, second), third)
+    times = np.maximum(np.maximum(first, second), third) - least
+    face = np.flatnonzero(times)
+    times = times[face].astype(np.int64)
+    step = np.arange(times.sum()) + np.repeat(least[face] - (np.cumsum(times) - times), times)
+    return np.repeat(face, times), step
+
+
 def _cut(surface: Surface, planes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Every edge that one of the planes, in rising order, cuts: plane (k,), x and y (k, 2), next edge (k,)."""
     vertices, faces = surface.vertices, surface.faces
     # a vertex is above the first `above` planes, so those cut a triangle that lie between its least and its most
     above = np.searchsorted(planes, vertices[:, 2], side="right").astype(np.int16)
-    first, second, third = above[faces[:, 0]], above[faces[:, 1]], above[faces[:, 2]]
-    least = np.minimum(np.minimum(first, second), third)
-    times = np.maximum(np.maximum(first, second), third) - least
-    face = np.flatnonzero(times)
-    times = times[face].astype(np.int64)
-    plane = np.arange(times.sum()) + np.repeat(least[face] - (np.cumsum(times) - times), times)
-    p, q, r = faces[np.repeat(face, times)].astype(np.int64).T
+    face, plane = crossed(above, faces.T)
+    p, q, r = faces[face].astype(np.int64).T
     # turn each triangle so that its lonely corner a comes first: the cut joins the two edges at that corner
     p_up, q_up, r_up = above[p] > plane, above[q] > plane, above[r] > plane
     p_lonely, q_lonely = q_up == r_up, r_up == p_up

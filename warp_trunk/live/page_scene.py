@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from warp_trunk.case import Case
 from warp_trunk.case.anatomy import rank
 from warp_trunk.geometry.rigid import RigidMotion
+from warp_trunk.geometry.section import crossed
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files.morph import skin_glb
 from warp_trunk.report.style import BEFORE, PLANS
@@ -186,8 +187,8 @@ def outlines(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """
     height = vertices[:, 2] / vertices.dtype.type(OUTLINE)
     corners = np.ascontiguousarray(faces.T)
-    cut, level = _cut(height, corners)
-    return _segments(vertices, height, corners[:, cut], level.astype(height.dtype))
+    cut, level = crossed(np.floor(height).astype(np.int32), corners)
+    return _segments(vertices, height, corners[:, cut], (level + 1).astype(height.dtype))
 
 
 def outer_first(skin: Surface) -> np.ndarray:
@@ -212,22 +213,11 @@ def relief_lines(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """
     depth = vertices[:, 1] / vertices.dtype.type(STEP)
     corners = np.ascontiguousarray(faces.T)  # by corner: each step below goes along rows
-    cut, level = _cut(depth, corners)
+    cut, level = crossed(np.floor(depth).astype(np.int32), corners)
     back = _face_back(vertices, corners[:, cut])
-    ends = _segments(vertices, depth, corners[:, cut[back]], level[back].astype(depth.dtype))
+    ends = _segments(vertices, depth, corners[:, cut[back]], (level[back] + 1).astype(depth.dtype))
     ends[:, :, 1] += _LIFT
     return ends
-
-
-def _cut(along: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Each triangle (3, triangles) that a plane of a whole value cuts, and the value, shape (segments,) each."""
-    a, b, c = (np.floor(along).astype(np.int32).take(corner) for corner in corners)
-    low = np.minimum(np.minimum(a, b), c)
-    count = np.maximum(np.maximum(a, b), c) - low
-    cut = np.flatnonzero(count)
-    low, count = low[cut], count[cut]
-    level = np.repeat(1 + low - np.cumsum(count) + count, count) + np.arange(count.sum())
-    return np.repeat(cut, count), level
 
 
 def _face_back(vertices: np.ndarray, corners: np.ndarray) -> np.ndarray:
