@@ -14,7 +14,7 @@ import numpy as np
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.rigid import fit_rigid
-from warp_trunk.geometry.surface import Surface, check_surface
+from warp_trunk.geometry.surface import Surface, check_surface, unit
 from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume
 
 from .anatomy import region
@@ -209,8 +209,7 @@ def _check_height(case: Case, skin: Surface, key: str, source: CaseSource) -> No
 def _check_orientation(case: Case, source: CaseSource) -> None:
     """Check that the axes agree with the names of landmarks."""
     before = case.landmarks_before
-    vertebrae = before.vertebrae()
-    top, bottom = (before.of_bone(bone).points.mean(axis=0) for bone in (vertebrae[0], vertebrae[-1]))
+    vertebrae, (top, bottom) = before.vertebrae(), before.middles()[[0, -1]]
     left, right = before.point("asis_left"), before.point("asis_right")
     across, up, back = left - right, top - bottom, 0.5 * (top + bottom) - 0.5 * (left + right)
     said = {
@@ -277,8 +276,7 @@ def _check_sides(case: Case, source: CaseSource) -> None:
     """Check that each left bone lies left of the right one."""
     marks, left = case.landmarks_before, None
     if "asis_left" in marks.names:
-        left = marks.point("asis_left") - marks.point("asis_right")
-        left /= np.linalg.norm(left)
+        left = unit(marks.point("asis_left") - marks.point("asis_right"))
     else:
         check_axes(case.bones, source.name("case"), source.axes)
     middle = {name: bone.vertices.mean(axis=0) for name, bone in case.bones.items()}

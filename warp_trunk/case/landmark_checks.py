@@ -10,7 +10,7 @@ import numpy as np
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.rigid import fit_rigid
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, unit
 
 from .case import Case, Pose
 from .landmarks import ASIS, VERTEBRA_POINTS, Landmarks, bone_of
@@ -119,7 +119,7 @@ def _check_levels(levels: tuple[str, ...], centres: np.ndarray, where: str) -> n
         if (centres[upper] - centres[upper + 1]) @ around <= 0.0:
             order = f"{levels[upper]} must lie above {levels[upper + 1]} along the spine, but lies below it"
             raise InputError(f"{where}: {order}; their landmarks seem exchanged, so correct their names")
-    return up / np.linalg.norm(up, axis=1)[:, None]
+    return unit(up)
 
 
 def _margins(six: np.ndarray, up: np.ndarray, left: np.ndarray) -> np.ndarray:
@@ -128,9 +128,9 @@ def _margins(six: np.ndarray, up: np.ndarray, left: np.ndarray) -> np.ndarray:
     six: the points of vertebrae, shape (..., 6, 3); up: along the spine there, (..., 3); left: (3,).
     """
     superior, inferior, left_upper, left_lower, right_upper, right_lower = np.moveaxis(six, -2, 0)
-    to_left = left / np.linalg.norm(left)
+    to_left = unit(left)
     across = 0.5 * (left_upper + left_lower - right_upper - right_lower)
-    axis, sideways = _unit(superior - inferior), _unit(across)
+    axis, sideways = unit(superior - inferior), unit(across)
     pedicles, half = six[..., 2:, :].mean(axis=-2), 0.5 * np.linalg.norm(across, axis=-1)
     margins = [
         np.vecdot(superior - inferior, up),
@@ -144,10 +144,6 @@ def _margins(six: np.ndarray, up: np.ndarray, left: np.ndarray) -> np.ndarray:
         half - np.abs(np.vecdot(inferior - pedicles, sideways)),
     ]
     return np.stack(margins, axis=-1)
-
-
-def _unit(a: np.ndarray) -> np.ndarray:
-    return a / np.maximum(np.linalg.norm(a, axis=-1, keepdims=True), 1e-9)
 
 
 REFUSED, WARNED = 6.0, 4.6

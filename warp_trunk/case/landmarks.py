@@ -79,6 +79,10 @@ class Landmarks:
         """Names of the vertebrae that have a landmark, top to bottom."""
         return _vertebrae_of(self.names)
 
+    def middles(self) -> np.ndarray:
+        """The mean of the landmarks of each vertebra, top to bottom [mm], shape (vertebrae, 3)."""
+        return np.array([self.of_bone(level).points.mean(axis=0) for level in self.vertebrae()]).reshape(-1, 3)
+
 
 NO_LANDMARKS = Landmarks((), np.zeros((0, 3)))
 """Those of a part of the body without a spine."""

@@ -29,8 +29,7 @@ def arm_warnings(skin: Surface, landmarks: Landmarks, where: str) -> list[str]:
         landmarks: of the spine [mm].
         where: what to call the skin.
     """
-    levels = landmarks.vertebrae()
-    middles = np.array([landmarks.of_bone(level).points.mean(axis=0) for level in levels]).reshape(-1, 3)
+    levels, middles = landmarks.vertebrae(), landmarks.middles()
     try:
         cuts = sections(skin, middles[:, 2].tolist())
     except InputError:  # an open skin, which other checks name
@@ -119,10 +118,7 @@ def _bones(case: Case) -> list[np.ndarray]:
     points = points or {name: point[None] for name, point in zip(before.names, before.points, strict=True)}
     found = [np.concatenate(list(points.values()))]
     if after is not None:
-        way = {
-            level: after.of_bone(level).points.mean(axis=0) - before.of_bone(level).points.mean(axis=0)
-            for level in before.vertebrae()
-        }
+        way = dict(zip(before.vertebrae(), after.middles() - before.middles(), strict=True))
         level_of = {name: rib.vertebra if (rib := rib_of(name)) else name.partition("_")[0] for name in points}
         found.append(np.concatenate([every + way.get(level_of[name], 0.0) for name, every in points.items()]))
     return found

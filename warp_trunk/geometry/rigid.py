@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import unit
 
 _LINE = 1e-4
 """Second over first singular value of the covariance below which points count as lying on one line: they are
@@ -204,8 +205,7 @@ def rotation_vector(rotation: np.ndarray) -> np.ndarray:
     if (far := cosine < -0.5).any():  # where the sine has few digits left, the symmetric part has the axis
         outer = 0.5 * (rotation + np.swapaxes(rotation, -1, -2)) - cosine[..., None, None] * np.eye(3)
         largest = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
-        axis = np.take_along_axis(outer, largest[..., None, None], axis=-1)[..., 0]
-        axis /= np.maximum(np.linalg.norm(axis, axis=-1, keepdims=True), 1e-300)
+        axis = unit(np.take_along_axis(outer, largest[..., None, None], axis=-1)[..., 0])
         axis *= np.where((axis * vector).sum(axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
         found = np.where(far[..., None], angle[..., None] * axis, found)
     return found
@@ -213,15 +213,13 @@ def rotation_vector(rotation: np.ndarray) -> np.ndarray:
 
 def smallest_turn(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     """The smallest rotations that turn directions (..., 3), of any length, into others, shape (..., 3, 3)."""
-    a = start / np.maximum(np.linalg.norm(start, axis=-1, keepdims=True), 1e-300)
-    b = end / np.maximum(np.linalg.norm(end, axis=-1, keepdims=True), 1e-300)
+    a, b = unit(start), unit(end)
     cosine = (a * b).sum(axis=-1)[..., None, None]
     outer = b[..., :, None] * a[..., None, :]
     K = outer - np.swapaxes(outer, -1, -2)  # the cross matrix of a x b
     turn = np.eye(3) + K + K @ K / np.maximum(1.0 + cosine, 1e-12)
     if (opposite := cosine < -1.0 + 1e-12).any():  # half a turn about any axis across
-        across = np.cross(a, np.eye(3)[np.abs(a).argmin(axis=-1)])
-        across /= np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-300)
+        across = unit(np.cross(a, np.eye(3)[np.abs(a).argmin(axis=-1)]))
         turn = np.where(opposite, 2.0 * across[..., :, None] * across[..., None, :] - np.eye(3), turn)
     return turn
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from warp_trunk.case.anatomy import LUMBAR, THORACIC, VERTEBRAE
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import Surface, corner_areas, vertex_normals
+from warp_trunk.geometry.surface import Surface, corner_areas, unit, vertex_normals
 
 from .back_rotation import back_surface_rotation
 from .quantities import DETECTABLE, Measured
@@ -202,7 +202,7 @@ def regions_of(skin: Surface, landmarks: Landmarks) -> Regions:
     upward = np.argsort(centroids[:, 2])
     heights, line = centroids[upward, 2], centroids[upward, :2]
     middle = np.column_stack([np.interp(skin.vertices[:, 2], heights, line[:, axis]) for axis in (0, 1)])
-    level_side = normals[:, :2] / np.maximum(np.linalg.norm(normals[:, :2], axis=1), 1e-12)[:, None]
+    level_side = unit(normals[:, :2])
     facing = np.where(np.abs(level_side @ across) > _SIDEWAYS, 0, np.sign(level_side @ behind))
     return Regions(
         band=np.where(np.abs(normals[:, 2]) > _SIDEWAYS, -1, bands[level]),

@@ -145,8 +145,7 @@ def _ordered(
 ) -> TrunkMesh:
     """The mesh with nodes along a space-filling curve and tetrahedra by their lowest node."""
     order = morton_order(nodes)
-    number = np.empty(len(nodes), dtype=np.int32)
-    number[order] = np.arange(len(nodes), dtype=np.int32)
+    number = np.argsort(order).astype(np.int32)
     skin_count, bone_count = len(skin.vertices), len(surface.bone)
     bone = np.full(len(nodes), -1, dtype=np.int32)
     bone[number[skin_count : skin_count + bone_count]] = surface.bone

@@ -20,7 +20,7 @@ import warp as wp
 from warp_trunk.engine.trunk_mesh import oriented
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
-from warp_trunk.geometry.surface import Surface, area_vectors, compact
+from warp_trunk.geometry.surface import Surface, area_vectors, compact, unit
 from warp_trunk.geometry.surface_checks import CrossingError, components, crossings, enclosed_volume, place_of
 from warp_trunk.io.atomic_write import named
 from warp_trunk.kernels.tet_quality import mean_ratios, move_nodes
@@ -282,6 +282,5 @@ def mean_ratio(corners: np.ndarray) -> np.ndarray:
 def _directions() -> np.ndarray:
     """Moves to try, in all directions and some lengths, shape (moves, 3)."""
     lattice = np.stack(np.meshgrid(*([-1.0, 0.0, 1.0],) * 3), axis=-1).reshape(-1, 3)
-    lattice = lattice[np.abs(lattice).sum(axis=1) > 0.0]
-    lattice /= np.linalg.norm(lattice, axis=1)[:, None]
+    lattice = unit(lattice[np.abs(lattice).sum(axis=1) > 0.0])
     return np.concatenate([step * lattice for step in _STEPS])

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.geometry.surface import Surface, area_vectors, vertex_normals
+from warp_trunk.geometry.surface import Surface, area_vectors, unit, vertex_normals
 from warp_trunk.measures.spine import asis_axis
 
 MARGIN = 10.0
@@ -141,13 +141,11 @@ def relief(
     weights[face < 0] = np.nan
     corners = faces[face]
     depth = np.einsum("ijk,ijk->ij", weights, vertices[:, 1][corners])
-    normal = np.einsum("ijk,ijkl->ijl", weights, vertex_normals(Surface(vertices, faces))[corners])
-    normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-12)
+    normal = unit(np.einsum("ijk,ijkl->ijl", weights, vertex_normals(Surface(vertices, faces))[corners]))
     material = np.searchsorted(starts[1:-1], corners[:, :, 0], side="right")
     weights[material > 0] = np.nan
     corners = np.where(corners < count, corners, 0)
-    centroids = np.array([landmarks.of_bone(level).points.mean(axis=0) for level in landmarks.vertebrae()])
-    spine = seen_from(centroids.reshape(-1, 3), landmarks, view)[:, [0, 2]]
+    spine = seen_from(landmarks.middles(), landmarks, view)[:, [0, 2]]
     return Relief(depth, normal, spine, corners, weights, material)
 
 

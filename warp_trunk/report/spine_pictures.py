@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.geometry.surface import unit
 from warp_trunk.measures.spine import sacral_line, spine_of
 
 from .panels import Extent, panels
@@ -70,8 +71,7 @@ def _vertebrae(axes: Axes, spine: Boxes, colour: str, fused: Sequence[str]) -> N
     for level, (corners, _) in spine.items():
         for face in FACES:
             a, b, c, d = corners[list(face)]
-            normal = np.cross(c - a, d - b)
-            facing = normal[1] / np.linalg.norm(normal)
+            facing = unit(np.cross(c - a, d - b))[1]
             if facing > 0.0:
                 faces.append((corners[list(face)], facing, FUSED if level in fused else BONE))
     for face, facing, bone in sorted(faces, key=lambda one: one[0][:, 1].mean()):
@@ -154,8 +154,7 @@ def vertebra_boxes(landmarks: Landmarks) -> dict[str, tuple[np.ndarray, np.ndarr
         axis = endplates[0] - endplates[1]
         height = np.linalg.norm(axis)
         up, to_left = axis / height, pedicles[0] - pedicles[1]
-        to_left -= (to_left @ up) * up
-        to_left /= np.linalg.norm(to_left)
+        to_left = unit(to_left - (to_left @ up) * up)
         back = np.cross(up, to_left)
         around = [(1, -1), (1, 1), (-1, 1), (-1, -1)]  # left and front first
         rim = np.array([0.5 * height * (x * WIDE * to_left + y * DEEP * back) for x, y in around])

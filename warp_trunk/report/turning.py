@@ -121,9 +121,7 @@ def _in_order(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     graph = coo_array((np.ones(len(ends[0])), ends), shape=(count, count)).tocsr()
     reached = depth_first_order(graph, int(faces[0, 0]), return_predecessors=False)
     order = np.append(reached, np.setdiff1d(np.arange(count), reached))
-    rank = np.empty(count, dtype=np.int64)
-    rank[order] = np.arange(count)
-    corners = rank[faces]
+    corners = np.argsort(order)[faces]
     first = corners.argmin(axis=1)[:, None]
     corners = np.take_along_axis(corners, (first + np.arange(3)) % 3, axis=1)
     return order, corners[np.lexsort(corners.T[::-1])]

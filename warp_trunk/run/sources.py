@@ -112,7 +112,7 @@ def _turned(landmarks: Landmarks, curve: CobbAngle, angle: float) -> np.ndarray:
 
     The apex of the curve turns by the angle [rad], others less, and those by half a curve beyond its ends not.
     """
-    middles = {level: landmarks.of_bone(level).points.mean(axis=0) for level in landmarks.vertebrae()}
+    middles = dict(zip(landmarks.vertebrae(), landmarks.middles(), strict=True))
     apex, upper, lower = (middles[level][2] for level in (curve.apex, curve.upper, curve.lower))
     moved = np.zeros_like(landmarks.points)
     for level, middle in middles.items():

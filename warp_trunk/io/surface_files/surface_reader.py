@@ -141,9 +141,7 @@ def _surface(vertices: np.ndarray, faces: np.ndarray, numbers: np.ndarray | None
 def _merged(vertices: np.ndarray, faces: np.ndarray, numbers: np.ndarray | None) -> Surface:
     _, first, inverse = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
     in_file_order = np.argsort(first)
-    number = np.empty(len(first), dtype=np.int32)
-    number[in_file_order] = np.arange(len(first), dtype=np.int32)
-    number = number[inverse.reshape(-1)]
+    number = np.argsort(in_file_order).astype(np.int32)[inverse.reshape(-1)]
     if numbers is not None:
         numbers = mean_colours(np.asarray(numbers, dtype=np.float64)[:, :3], number, len(first))
     return _surface(vertices[first[in_file_order]], number[faces], numbers)

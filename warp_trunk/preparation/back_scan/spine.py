@@ -8,6 +8,7 @@ import numpy as np
 
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.geometry.section import arc_length
+from warp_trunk.geometry.surface import unit
 from warp_trunk.measures.back import TURN, vertebrae_on_line
 from warp_trunk.measures.markers import BackMarkers
 
@@ -42,10 +43,9 @@ def smoothed(line: np.ndarray) -> np.ndarray:
     line = line[np.append(True, np.diff(arc_length(line)) > 1e-6)]
     long = arc_length(line)[-1]
     fine = smooth_track(line, line)(np.arange(0.0, long + _EACH, _EACH).clip(max=long))
-    first = (fine[:4] - fine[4:8]).mean(axis=0)
-    last = (fine[-4:] - fine[-8:-4]).mean(axis=0)
+    first = unit((fine[:4] - fine[4:8]).mean(axis=0))
+    last = unit((fine[-4:] - fine[-8:-4]).mean(axis=0))
     steps = np.arange(1, 30)[:, None] * _EACH
-    first, last = first / np.linalg.norm(first), last / np.linalg.norm(last)
     return np.vstack([fine[0] + steps[::-1] * first, fine, fine[-1] + steps * last])
 
 
@@ -69,13 +69,12 @@ def place_spine(
         usual -= rise
         centres = np.column_stack([np.interp(-usual, heights, track) for track in fine.T])
         up = -np.column_stack([np.interp(-centres[:, 2], heights, track) for track in slope.T])
-        return PlacedSpine(centres, up / np.linalg.norm(up, axis=1)[:, None], None)
+        return PlacedSpine(centres, unit(up), None)
     above, known = len(VERTEBRAE) - len(spine.levels), spine.line
     size = np.linalg.norm(np.diff(known, axis=0), axis=1).sum()
     size /= np.linalg.norm(np.diff(body[above:], axis=0), axis=1).sum()
     offset = size * (body[:above] - body[above])
-    lean = (known[0] - known[2]) / np.linalg.norm(known[0] - known[2])
-    own = (body[above] - body[above + 2]) / np.linalg.norm(body[above] - body[above + 2])
+    lean, own = unit(known[0] - known[2]), unit(body[above] - body[above + 2])
     centres = np.vstack([known[0] + offset + np.linalg.norm(offset, axis=1)[:, None] * (lean - own), known])
     up = -smooth_track(centres, centres).derivative()(arc_length(centres))
     if spine.up is not None:
@@ -83,7 +82,7 @@ def place_spine(
     across = None
     if spine.across is not None:
         across = np.vstack([np.full((above, 3), np.nan), spine.across])
-    return PlacedSpine(centres, up / np.linalg.norm(up, axis=1)[:, None], across)
+    return PlacedSpine(centres, unit(up), across)
 
 
 def turns_of(placed: PlacedSpine, smooth: bool) -> np.ndarray:
@@ -119,6 +118,5 @@ def poses_of(
         tilt = float(np.arctan2(x, z))
         pitch = float(np.arctan2(-y, np.hypot(x, z)) - np.arctan2(-own[1], own[2]))
         before, after = centres[row], placed.centres[row]
-        axis = own / np.linalg.norm(own)
-        found[level] = VertebraPose(tilt, pitch, float(turns[row]), axis, before, after)
+        found[level] = VertebraPose(tilt, pitch, float(turns[row]), unit(own), before, after)
     return found

@@ -16,6 +16,7 @@ from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.section import arc_length
+from warp_trunk.geometry.surface import unit
 from warp_trunk.io.records import check_fields
 from warp_trunk.measures.cobb import sagittal_angle
 from warp_trunk.measures.spine import spine_of
@@ -258,11 +259,9 @@ def vertebra_poses(straight: Landmarks, curve: SpineCurve | MeasuredSpine) -> di
 
     poses = {}
     for name, (top_end, bottom), centre in zip(VERTEBRAE, ends, centres, strict=True):
-        axis = (top_end - bottom) * [0.0, 1.0, 1.0]
+        axis = unit((top_end - bottom) * [0.0, 1.0, 1.0])
         tilt, pitch, turn, *moved = (float(np.interp(centre[2], z, f)) for f in (tilts, pitches, turns, *way.T))
-        poses[name] = VertebraPose(
-            tilt, pitch, turn, axis / np.linalg.norm(axis), centre, centre + np.array(moved)
-        )
+        poses[name] = VertebraPose(tilt, pitch, turn, axis, centre, centre + np.array(moved))
     return poses
 
 

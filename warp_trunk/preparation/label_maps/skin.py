@@ -14,7 +14,7 @@ from warp_trunk.case.landmarks import ASIS
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.geometry.distance_field import Grid, largest_piece, one_solid, zero_surface
-from warp_trunk.geometry.surface import Surface, vertex_normals
+from warp_trunk.geometry.surface import Surface, unit, vertex_normals
 from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.io.image_files.image_reader import read_scan
 
@@ -214,8 +214,7 @@ def _arm_cuts(mask: Mask, bones: Mapping[str, Surface]) -> list[CutPlane]:
         reach = (bone.vertices - middle) @ along
         head, radius = middle + (reach.min() + _HEAD) * along, float(np.ptp(reach))
         if along[2] < -_HANGING:
-            normal = np.array([left, 0.0, 0.0]) - left * along[0] * along
-            normal /= np.linalg.norm(normal)
+            normal = unit(np.array([left, 0.0, 0.0]) - left * along[0] * along)
             levels = middle + np.linspace(0.0, 0.8 * reach.max(), 12)[:, None] * along
             planes.append(CutPlane.at(head - _beside(mask, levels, normal) * normal, normal, radius))
         else:

@@ -12,7 +12,7 @@ from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.landmarks import ASIS, VERTEBRA_POINTS, Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.section import arc_length
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, area_vectors, unit
 from warp_trunk.geometry.surface_checks import boundary_edges, components
 
 from .vertebra import FoundVertebra, UnsureError, find_vertebra
@@ -69,7 +69,7 @@ def find_landmarks(bones: Mapping[str, Surface]) -> FoundLandmarks:
         unsure |= dict.fromkeys(ASIS, f"'{lost[0]}' is missing, and both hip bones are needed")
     else:
         spines = iliac_spines(*(bones[hip] for hip in ASIS.values()))
-        left = (spines[0] - spines[1]) / np.linalg.norm(spines[0] - spines[1])
+        left = unit(spines[0] - spines[1])
 
     unsure |= doubts_of_surface({name: bones[name] for name in present})
     centres = {name: _centre(bones[name]) for name in present if name not in unsure}
@@ -93,9 +93,8 @@ def find_landmarks(bones: Mapping[str, Surface]) -> FoundLandmarks:
 
 
 def _centre(surface: Surface) -> np.ndarray:
-    a, b, c = np.moveaxis(surface.vertices[surface.faces], 1, 0)
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    return area @ (a + b + c) / (3.0 * area.sum())
+    area = np.linalg.norm(area_vectors(surface.vertices, surface.faces), axis=1)
+    return area @ surface.vertices[surface.faces].mean(axis=1) / area.sum()
 
 
 def _directions(centres: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -103,8 +102,7 @@ def _directions(centres: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     if len(centres) < 2:
         return {name: np.array([0.0, 0.0, 1.0]) for name in centres}
     points = np.array(list(centres.values()))
-    upwards = -np.gradient(points, arc_length(points), axis=0)
-    upwards /= np.linalg.norm(upwards, axis=1, keepdims=True)
+    upwards = unit(-np.gradient(points, arc_length(points), axis=0))
     return dict(zip(centres, upwards, strict=True))
 
 
@@ -129,14 +127,12 @@ def iliac_spines(hip_left: Surface, hip_right: Surface) -> np.ndarray:
         spines, pubis = (_fronts(hip_left, hip_right, axes, upper) for upper in (True, False))
         if (spines == before).all():
             break
-        left = spines[0] - spines[1]
-        left /= np.linalg.norm(left)
+        left = unit(spines[0] - spines[1])
         up = spines.mean(axis=0) - pubis.mean(axis=0)
         pitch = np.degrees(np.arctan2(abs(up[1]), up[2]))
         if up[2] < _LEAST_HEIGHT or pitch > _MOST_PITCH:
             up = np.array([0.0, 0.0, 1.0])
-        up -= (up @ left) * left
-        up /= np.linalg.norm(up)
+        up = unit(up - (up @ left) * left)
         axes = np.stack([left, np.cross(up, left), up])
     return spines
 

@@ -72,8 +72,7 @@ def symmetry_plane(surface: Surface, left: np.ndarray, up: np.ndarray) -> tuple[
     """
     points, normals = spread_points(surface, _SAMPLES)
     middle = points.mean(axis=0)
-    left = left - (left @ up) * up
-    left /= np.linalg.norm(left)
+    left = unit(left - (left @ up) * up)
     axes = np.stack([left, np.cross(up, left), up])
     distances = _mirror_distances((points - middle) @ axes.T, normals @ axes.T)
     grid = [np.array([*np.radians([turn, lean]), 0.0]) for turn in _TURNS for lean in _LEANS]
@@ -245,8 +244,7 @@ def find_vertebra(surface: Surface, left: np.ndarray, up: np.ndarray) -> FoundVe
     if asymmetry > _MOST_ASYMMETRY:
         found = f"its left and right differ by {asymmetry:.1f} mm (median), {_MOST_ASYMMETRY:g} is the most"
         raise UnsureError(f"{found}; is it whole, alone and in one piece?")
-    upright = up - (up @ normal) * normal
-    upright /= np.linalg.norm(upright)
+    upright = unit(up - (up @ normal) * normal)
     middle = surface.vertices.mean(axis=0)
     middle += (offset - normal @ middle) * normal
     frame = Frame(np.stack([normal, np.cross(upright, normal), upright]), middle)

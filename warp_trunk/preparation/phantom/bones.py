@@ -13,7 +13,7 @@ import numpy as np
 from warp_trunk.case.anatomy import SIDES, VERTEBRAE
 from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks
 from warp_trunk.geometry.section import arc_length, points_along
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, unit
 
 from .skin import section_at
 
@@ -309,10 +309,8 @@ def rod(
     to_end = np.minimum(places, length[-1] - places)
     share = np.sqrt(1.0 - np.clip(1.0 - to_end / cap, 0.0, 1.0) ** 2)
     centres = points_along(curve, places)
-    forward = np.gradient(centres, axis=0)
-    forward /= np.linalg.norm(forward, axis=1, keepdims=True)
-    across = up - (forward @ up)[:, None] * forward
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    forward = unit(np.gradient(centres, axis=0))
+    across = unit(up - (forward @ up)[:, None] * forward)
     side = np.cross(across, forward)
     widths = PchipInterpolator(chord, np.stack([half_side, half_up], axis=1))(np.interp(places, length, fine))
     return tube(centres, side, across, share * widths[:, 0], share * widths[:, 1], around=around)

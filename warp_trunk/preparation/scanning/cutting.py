@@ -11,7 +11,7 @@ import numpy as np
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.geometry.section import inside
-from warp_trunk.geometry.surface import Surface, compact, directed_edges, side_lengths, vertex_normals
+from warp_trunk.geometry.surface import Surface, compact, directed_edges, side_lengths, unit, vertex_normals
 from warp_trunk.geometry.surface_checks import (
     boundary_edges,
     components,
@@ -179,8 +179,7 @@ def _cap(
     from scipy.spatial import Delaunay, KDTree  # heavy
 
     normal = plane.unit
-    side = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
-    side /= np.linalg.norm(side)
+    side = unit(np.cross(normal, np.eye(3)[np.abs(normal).argmin()]))
     frame = np.column_stack([side, np.cross(normal, side)])  # counterclockwise about the normal
     ids = np.unique(rim)
     flat = (vertices[ids] - np.array(plane.point)) @ frame
