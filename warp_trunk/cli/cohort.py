@@ -24,25 +24,37 @@ from .simulate import SimulationArguments
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cohort(SimulationArguments):
-    """Predict and evaluate every case of a folder, on all cores or a cluster, and summarise them."""
+class _Cases(SimulationArguments):
+    """How the cases of a folder are simulated, and where."""
 
-    folder: Positional[Path]
-    """Folder of case folders."""
-    out: Path
-    """Folder for the results of the cases, and for cohort.csv, cases.csv, cohort.json and cohort.html."""
     workers: int = 0
     """Number of cases that are simulated at the same time, each in a process with one thread (or --threads); 0 is
     one for each GPU, or one for each core with 4 GB of memory."""
     scheduler: str | None = None
     """Address of a running Dask scheduler (tcp://host:8786), whose workers see the same folders."""
 
+    @property
+    def of_each(self) -> CohortOptions:
+        """How each case is simulated."""
+        run = replace(self.chosen, threads=self.chosen.threads or CPU_THREADS)
+        return CohortOptions(run=run, align_pelvis=self.align_pelvis, constants=self.constants)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cohort(_Cases):
+    """Predict and evaluate every case of a folder, on all cores or a cluster, and summarise them."""
+
+    folder: Positional[Path]
+    """Folder of case folders."""
+    out: Path
+    """Folder for the results of the cases, and for cohort.csv, cases.csv, cohort.json and cohort.html."""
+
     def run(self) -> int:
         """Simulates the missing cases and writes tables and page."""
         folders = case_folders(self.folder)
         left_over = check_out(self.out, self.folder, [folder.name for folder in folders])
         refuse_unread(self.given, self.chosen, layered=True)  # those that no case reads
-        options = CohortOptions(run=self.chosen, align_pelvis=self.align_pelvis, constants=self.constants)
+        options = self.of_each
         with Progress() as progress:
             for name in left_over:
                 progress.message(f"{self.out / name}: is of no case in {self.folder}, and left out")
@@ -63,7 +75,7 @@ class Cohort(SimulationArguments):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Calibrate(SimulationArguments):
+class Calibrate(_Cases):
     """Fit constants of tissue and ribs to patients whose actual skin is known."""
 
     folder: Positional[Path]
@@ -76,17 +88,12 @@ class Calibrate(SimulationArguments):
     """Pose of the cases that are used; bending cases calibrate a patient's own tissue before surgery."""
     priors: bool = True
     """Use the priors of --bands where the data do not determine a constant."""
-    workers: int = 0
-    """Number of cases that are simulated at the same time; 0 is as many as fit this machine."""
-    scheduler: str | None = None
-    """Address of a running Dask scheduler (tcp://host:8786)."""
 
     def run(self) -> int:
         """Finds the constants and writes them."""
         refuse_case(self.out)
         check_file(self.out)
-        run = self.chosen
-        options = CohortOptions(run=replace(run, threads=run.threads or CPU_THREADS))
+        options = self.of_each
         with Progress() as progress:
             cases = self._cases(options, progress)
             with connected(self.workers, self.scheduler, self.options.device) as client:
@@ -112,15 +119,7 @@ class Calibrate(SimulationArguments):
             case = self.changed(case)
             check_free(self.free, case, options.run)
             free = free or tuple(FreeConstant(name=name, start=constant_of(case, name)) for name in self.free)
-            job = FitJob(
-                folder=folder.resolve(),
-                options=options.run,
-                align_pelvis=self.align_pelvis,
-                constants=self.constants,
-                free=free,
-                study=study,
-            )
-            found.append(job)
+            found.append(FitJob(folder=folder.resolve(), options=options, free=free, study=study))
         if not found:
             after = "" if self.pose == "all" else f" after {self.pose}"
             raise InputError(f"{self.folder}: no case with a spine and an actual skin{after}; add actual_skin.ply")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import logging
 import os
 from collections.abc import Iterator, Sequence
@@ -40,8 +39,6 @@ def work(
     Raises:
         InputError: the scheduler was lost.
     """
-    if not options.run.threads:
-        options = dataclasses.replace(options, run=dataclasses.replace(options.run, threads=CPU_THREADS))
     _warm_each_host(client, options)
     futures = {}
     for folder in folders:

@@ -20,6 +20,7 @@ from warp_trunk.cohort.calibration.fit import Prior, certainty, find, without
 from warp_trunk.cohort.calibration.free_constants import FreeConstant, check_free, values_of
 from warp_trunk.cohort.calibration.one_fit import CaseFit, FitJob, fit_case
 from warp_trunk.cohort.calibration.report import calibration_text, write_calibration
+from warp_trunk.cohort.one_case import CohortOptions
 from warp_trunk.cohort.statistics import over_patients
 from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.simulation import SimulationOptions
@@ -111,7 +112,7 @@ class Known(Rounds):
         self.limits = limits
         free = (FreeConstant(name="theta", start=1.0),)
         nobody: Any = None
-        jobs = [FitJob(folder=Path(name), options=RunOptions(), align_pelvis=False, free=free) for name in limits]
+        jobs = [FitJob(folder=Path(name), options=CohortOptions(), free=free) for name in limits]
         super().__init__(nobody, jobs, Progress())
 
     def submitted(self, jobs: Sequence[tuple[FitJob, np.ndarray]]) -> dict[str, CaseFit | Exception]:
@@ -294,7 +295,7 @@ def made_job(tmp_path_factory: pytest.TempPathFactory, names: tuple[str, ...], *
     c, s = np.cos(0.3), np.sin(0.3)
     turned[rows] = (turned[rows] - middle) @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) + middle
     write_case(folder, replace(case, landmarks_after=replace(marks, points=turned)))
-    options = replace(
+    run = replace(
         cohort_options(threads=1).run,
         energy="neo-hookean",
         layers="depth",
@@ -304,7 +305,7 @@ def made_job(tmp_path_factory: pytest.TempPathFactory, names: tuple[str, ...], *
         **changed,
     )
     free = tuple(FreeConstant(name=name, start=constant_of(case, name)) for name in names)
-    return FitJob(folder=folder, options=options, align_pelvis=False, free=free)
+    return FitJob(folder=folder, options=CohortOptions(run=run), free=free)
 
 
 def test_derivatives_are_differences(job: FitJob) -> None:
@@ -331,7 +332,8 @@ def check_derivatives(job: FitJob) -> None:
 
 
 def relaxed(job: FitJob, relax: RelaxOptions) -> FitJob:
-    return replace(job, options=replace(job.options, simulation=SimulationOptions(increments=2, relax=relax)))
+    run = replace(job.options.run, simulation=SimulationOptions(increments=2, relax=relax))
+    return replace(job, options=CohortOptions(run=run))
 
 
 def test_a_skin_that_is_settled_counts_though_no_equilibrium_is_confirmed(job: FitJob) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -29,6 +28,7 @@ from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import find_path
 from warp_trunk.run.prediction import Prediction, prepare
 
+from ..one_case import CohortOptions
 from .free_constants import FreeConstant, layers_with, values_of
 
 if TYPE_CHECKING:
@@ -58,14 +58,10 @@ class FitJob:
 
     folder: Path
     """The case."""
-    options: RunOptions
+    options: CohortOptions
     """How it is simulated."""
-    align_pelvis: bool
-    """Bring what is known after surgery back onto the pelvis before it."""
     free: tuple[FreeConstant, ...]
     """The constants that are fitted."""
-    constants: Mapping[str, float] = field(default_factory=dict)
-    """Other constants, in place of those of the case."""
     study: Study = field(default_factory=Study)
     """Whose case it is, its pose, and whether it is synthetic."""
     derivative: bool = True
@@ -110,8 +106,9 @@ def fit_case(job: FitJob, counted: np.ndarray) -> CaseFit:
     Raises:
         InputError: a case that cannot be simulated, has no actual skin, or whose skin finds no equilibrium.
     """
-    kept, options = _kept(job.key, job.folder, job.align_pelvis, job.options.mesh), job.options
-    case = with_constants(kept.case, {**job.constants, **values_of(job.free, counted)})
+    options = job.options.run
+    kept = _kept(job.key, job.folder, job.options.align_pelvis, options.mesh)
+    case = with_constants(kept.case, {**job.options.constants, **values_of(job.free, counted)})
     prediction = prepare(case, options, kept.trunk).relax()
     trunk, last = prediction.trunk, prediction.last
     relaxer, skin_nodes, status = prediction.relaxer, trunk.skin_nodes, last.relaxation.status
