@@ -21,8 +21,9 @@ from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.measures.quantities import Measured, MeasureTable
+from warp_trunk.measures.rows import MeasureRow, rotation_table
 from warp_trunk.meshing import MeshOptions
-from warp_trunk.report.page import BAND_HEAD, STATES, band_table, rotation_table, source_table
+from warp_trunk.report.page import BAND_HEAD, STATES, band_table, source_table
 from warp_trunk.report.sentences import UNITS, _tile, interval_text
 from warp_trunk.report.writing import write_report
 from warp_trunk.results import read_result
@@ -91,7 +92,7 @@ def test_page_needs_nothing_and_reaches_for_nothing(plain):
 
 def test_numbers_of_the_prediction_are_the_angles_that_were_imposed(plain):
     """The box is turned by 14 degrees over 420 mm, evenly with height; clockwise from above is positive."""
-    rows = rotation_table(read_result(plain[0]).table, STATES[:2])
+    rows = rotation_table(read_result(plain[0]).table, STATES[:2], MeasureRow.compared_cells)
     heights = {"T4": 360.0, "T8": 280.0, "T12": 200.0, "L3": 120.0}
     for level, before, predicted, change in rows:
         assert before == "0.0"
@@ -108,7 +109,8 @@ def test_actual_skin_brings_its_error(compared):
     assert "predicted rotation is 3.0 degrees on average, no less than the 2.5 degrees" in words
     assert re.search(r"Rotation of the back, mean absolute error T3-L5 \[°\]\s*3\.0\d ± 0\.0", words)
     assert "actual, after surgery" in words
-    rows = {row[0]: row[1:] for row in rotation_table(read_result(compared[0]).table, STATES)}
+    table = rotation_table(read_result(compared[0]).table, STATES, MeasureRow.compared_cells)
+    rows = {level: cells for level, *cells in table}
     assert [float(row[-1]) for row in rows.values() if row[-1] != "–"] == pytest.approx([3.0] * 3, abs=0.05)
     assert rows["T8"] == ["–"] * 5  # a level that was not measured
 

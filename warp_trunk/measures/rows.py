@@ -138,6 +138,21 @@ def level_rows(table: MeasureTable, states: Sequence[str] = STATES) -> list[Meas
     return [row for row in _rows("level", table, states, known=False) if row.quantity.key == "bsr_deg"]
 
 
+def rotation_table(
+    table: MeasureTable,
+    states: Sequence[str] = STATES,
+    cells: Callable[[MeasureRow], list[str]] = MeasureRow.cells,
+    *,
+    bands: bool = False,
+) -> list[list[str]]:
+    """The rotation of the back [degrees], a row for each level, with its interval where that is asked for."""
+    known, lines = table.column(PREDICTED, "bsr_deg"), []
+    for row in level_rows(table, states):
+        ends = [row.text(end) for end in (known[row.level].low, known[row.level].high)] if bands else []
+        lines.append([row.level, *cells(row)[1:], *ends])
+    return lines
+
+
 def _rows(group: str, table: MeasureTable, states: Sequence[str], *, known: bool = True) -> list[MeasureRow]:
     """The rows of a group of quantities; those that no state has are left out where only what is known counts."""
     found = []

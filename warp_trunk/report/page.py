@@ -18,7 +18,15 @@ from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.measures import SkinComparison, TrunkMeasures
 from warp_trunk.measures.part import FollowedPoint, agreement_rows, profile, swept_volumes
 from warp_trunk.measures.quantities import ACTUAL, BEFORE, DETECTABLE, EXACT, PREDICTED, QUANTITIES, MeasureTable
-from warp_trunk.measures.rows import MISSING, MeasureRow, level_rows, number, skin_rows, spine_rows, under_headings
+from warp_trunk.measures.rows import (
+    MISSING,
+    MeasureRow,
+    number,
+    rotation_table,
+    skin_rows,
+    spine_rows,
+    under_headings,
+)
 from warp_trunk.measures.skin_quality import LOOK, STRETCH
 from warp_trunk.results.summary_text import spring_lines
 
@@ -71,7 +79,7 @@ def page(
         measure_head=head(poses, "measure"),
         measure_rows=measure_table(table, result.measures_before, states),
         rotation_head=head(poses, "level") + (["19 of 20 between", "and"] if summary.bands else []),
-        rotation_rows=rotation_table(table, states, bands=summary.bands is not None),
+        rotation_rows=rotation_table(table, states, MeasureRow.compared_cells, bands=summary.bands is not None),
         bands=summary.bands,
         band_head=BAND_HEAD,
         band_rows=band_table(table, summary.bands) if summary.bands else [],
@@ -170,15 +178,6 @@ def measure_table(table: MeasureTable, before: TrunkMeasures, states: Sequence[s
     groups = {"The back": skin_rows(table, states)}
     groups |= {f"{heading}, as planned": rows for heading, rows in spine_rows(table, before, states).items()}
     return under_headings(groups, MeasureRow.compared_cells)
-
-
-def rotation_table(table: MeasureTable, states: Sequence[str], *, bands: bool = False) -> list[list[str]]:
-    """The rotation of the back [degrees], one row for each level, with its interval where that is asked for."""
-    known, lines = table.column(PREDICTED, "bsr_deg"), []
-    for row in level_rows(table, states):
-        ends = [row.text(end) for end in (known[row.level].low, known[row.level].high)] if bands else []
-        lines.append([row.level, *row.compared_cells()[1:], *ends])
-    return lines
 
 
 def plan_of_result(result: Result) -> Plan | None:

@@ -8,15 +8,7 @@ from typing import TYPE_CHECKING
 from warp_trunk.io.folders import seen_from_here
 from warp_trunk.measures import TrunkMeasures
 from warp_trunk.measures.quantities import ACTUAL, BEFORE, PREDICTED, MeasureTable
-from warp_trunk.measures.rows import (
-    RESEARCH,
-    as_markdown,
-    as_text,
-    level_rows,
-    measure_rows,
-    sided,
-    under_headings,
-)
+from warp_trunk.measures.rows import RESEARCH, as_markdown, as_text, measure_rows, rotation_table, under_headings
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -52,7 +44,10 @@ def plain(result: Result, name: str = "") -> str:
     lines += ["", as_text([f"{of}measure", "before", "predicted"], rows)]
     if summary.has_spine:
         lines += ["", f"{of}Rotation of the back (BSR) at every vertebra, with the side that stands further back"]
-        lines.append(_levels(result.table))
+        bands = any(row.low is not None for row in result.table.column(PREDICTED, "bsr_deg").values())
+        states = [BEFORE, PREDICTED, *([ACTUAL] if summary.has_actual else [])]
+        head = ["level [°]", *states, *(["19 of 20 between", "and"] if bands else [])]
+        lines.append(as_text(head, rotation_table(result.table, states, bands=bands)))
     files = sorted(path.name for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
     return "\n".join([*lines, "", f"{of}Written to {seen_from_here(folder)}: {', '.join(files)}", RESEARCH])
 
@@ -77,20 +72,6 @@ def markdown(
     lines += [line for warning in warnings for line in (f"**Warning:** {warning}", "")]
     lines += [as_markdown(["measure", "before", "predicted"], under_headings(measure_rows(table, before))), ""]
     if before.bsr:
-        rows = [[row.level, *row.cells()[1:]] for row in level_rows(table)]
-        lines += [as_markdown(["rotation of the back [°] at", "before", "predicted"], rows), ""]
+        head = ["rotation of the back [°] at", "before", "predicted"]
+        lines += [as_markdown(head, rotation_table(table)), ""]
     return "\n".join([*lines, RESEARCH])
-
-
-def _levels(table: MeasureTable) -> str:
-    """The rotation at every vertebra, with the actual one and the band where they are known."""
-    actual, predicted = table.values(ACTUAL, "bsr_deg"), table.column(PREDICTED, "bsr_deg")
-    with_intervals = any(row.low is not None for row in predicted.values())
-    head = ["level [°]", *([BEFORE, PREDICTED, ACTUAL] if actual else [BEFORE, PREDICTED])]
-    head += ["19 of 20 between", "and"] if with_intervals else []
-    lines = []
-    for level, row in predicted.items():
-        cells = [level, sided(table.value(BEFORE, "bsr_deg", level)), sided(row.value)]
-        cells += [sided(actual.get(level))] if actual else []
-        lines.append([*cells, sided(row.low), sided(row.high)] if with_intervals else cells)
-    return as_text(head, lines)
