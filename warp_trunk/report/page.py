@@ -85,7 +85,7 @@ def page(
         band_rows=band_table(table, summary.bands) if summary.bands else [],
         source_head=SOURCE_HEAD,
         source_rows=source_table(summary.bands) if summary.bands else [],
-        error_rows=error_table(comparison) if comparison else [],
+        comparison=comparison,
         detectable=DETECTABLE,
         **_of_run(result, poses),
     )
@@ -214,20 +214,6 @@ def source_table(bands: Bands) -> list[list[str]]:
         ]
         for source in bands.sources
     ]
-
-
-def error_table(comparison: SkinComparison) -> list[list[str]]:
-    """How far the predicted skin is from the actual one, each a number with its name."""
-    rows = []
-    for name, error in comparison.bsr_error.items():
-        if error is not None:
-            spread = "" if error.sd is None else f" ± {error.sd:.2f}"
-            rows.append([f"Rotation of the back, mean absolute error {name} [°]", f"{error.mean:.2f}{spread}"])
-    back = comparison.distance["back"]
-    if back is not None:
-        for name, value in (("mean", back.mean), ("95 % are nearer than", back.p95), ("largest", back.maximum)):
-            rows.append([f"Distance of the skin of the back, {name} [mm]", f"{value:.1f}"])
-    return rows
 
 
 def change_table(poses: Sequence[TrunkState]) -> list[list[str]]:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.bone_motion.plan import Plan, plan_words
-from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.errors import InputError
 from warp_trunk.measures.quantities import DETECTABLE, LENGTH, SPINE_ANGLE, WIDTH, MeasureTable
 from warp_trunk.measures.rows import MISSING, MeasureRow, measure_rows, number, under_headings
@@ -91,31 +90,22 @@ def plans_page(
     trunk: Turning,
 ) -> str:
     """The text of the page; all that comes from files is escaped."""
-    named = [(pose.look.heading, result) for pose, result in zip(poses[1:], results, strict=True)]
-    words = ["" if plan is None else plan_words(plan) for plan in plans]
+    words = [plan and plan_words(plan) for plan in plans]
+    named = list(zip([pose.look.heading for pose in poses[1:]], words, results, strict=True))
     states = [pose.look.title for pose in poses]
     groups = measure_rows(table, results[0].measures_before, states)
     apart = apart_of(groups, states, [result.effects for result in results])
-    unbanded = [title for title, result in named if result.effects is None]
     return rendered(
         "plans.html",
         drawings,
         trunk=trunk,
         panels=len(poses),
-        synthetic=any(result.summary.synthetic for result in results),
         titles=", ".join(states),
-        plans=[
-            (title, result.summary.case, result.folder.resolve().name, words[number], result.plan)
-            for number, (title, result) in enumerate(named)
-        ],
-        unfinished=[
-            (title, end.name, end.value[:1].upper() + end.value[1:])
-            for title, result in named
-            if (end := result.summary.ending) is not RelaxStatus.CONVERGED
-        ],
-        warnings=[f"{title}: {warning}" for title, result in named for warning in result.summary.warnings],
+        results=results,
+        plans=named,
+        warnings=[f"{title}: {line}" for title, _, result in named for line in result.summary.warnings],
         differs=differences(poses, apart),
-        unbanded=listed(unbanded),
+        unbanded=listed([title for title, _, result in named if result.effects is None]),
         numbers_head=["", *states],
         numbers_rows=numbers_table(groups, table, states),
         apart_head=["", *dict.fromkeys(one.title for one in apart)],
