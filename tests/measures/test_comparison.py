@@ -112,7 +112,6 @@ def on_the_back(signed, area, counted=True):
         band=np.zeros(count, dtype=int),
         to_left=np.ones(count, dtype=bool),
         facing=np.ones(count, dtype=np.int8),
-        normals=np.tile([0.0, 1.0, 0.0], (count, 1)),
         area=np.array(area),
     )
     return SkinDistance(np.array(signed), np.full(count, counted), regions)

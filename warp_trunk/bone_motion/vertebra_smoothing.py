@@ -93,10 +93,7 @@ def smoothing_warnings(before: Landmarks, after: Landmarks) -> list[str]:
 
 def vertebra_rows(landmarks: Landmarks) -> dict[str, np.ndarray]:
     """The rows of the landmarks of each vertebra that has four or more, not on one line."""
-    owned = {
-        level: np.array([row for row, name in enumerate(landmarks.names) if name.startswith(f"{level}_")])
-        for level in landmarks.vertebrae()
-    }
+    owned = {level: np.array(landmarks.rows_of(level)) for level in landmarks.vertebrae()}
     return {level: own for level, own in owned.items() if len(own) >= 4 and not on_line(landmarks.points[own])}
 
 

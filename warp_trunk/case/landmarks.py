@@ -70,9 +70,13 @@ class Landmarks:
         """Position of one landmark [mm], shape (3,); InputError as `index`."""
         return self.points[self.index(name)]
 
+    def rows_of(self, bone: str) -> list[int]:
+        """The rows of the landmarks of one bone."""
+        return [row for row, name in enumerate(self.names) if _belongs(name, bone)]
+
     def of_bone(self, bone: str) -> Landmarks:
         """The landmarks of one bone, in their order; none where the bone has none."""
-        rows = [i for i, name in enumerate(self.names) if _belongs(name, bone)]
+        rows = self.rows_of(bone)
         return Landmarks(tuple(self.names[i] for i in rows), self.points[rows].reshape(-1, 3))
 
     def vertebrae(self) -> tuple[str, ...]:
@@ -81,7 +85,8 @@ class Landmarks:
 
     def middles(self) -> np.ndarray:
         """The mean of the landmarks of each vertebra, top to bottom [mm], shape (vertebrae, 3)."""
-        return np.array([self.of_bone(level).points.mean(axis=0) for level in self.vertebrae()]).reshape(-1, 3)
+        means = [self.points[self.rows_of(level)].mean(axis=0) for level in self.vertebrae()]
+        return np.array(means).reshape(-1, 3)
 
 
 NO_LANDMARKS = Landmarks((), np.zeros((0, 3)))

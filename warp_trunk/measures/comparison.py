@@ -91,9 +91,9 @@ def same_skin(skin: Surface, other: Surface) -> tuple[np.ndarray, np.ndarray]:
 
     normals = vertex_normals(skin)
     nearest = SurfaceDistance(other).nearest(skin.vertices)
-    straight = np.abs(_cosine(nearest.point - skin.vertices, normals)) > _SAME_WAY
+    straight = np.abs(np.vecdot(unit(nearest.point - skin.vertices), normals)) > _SAME_WAY
     facing = vertex_normals(other)[other.faces[nearest.face]].mean(axis=1)  # a triangle of a scan is mostly noise
-    counted = (straight | (np.abs(nearest.distance) < _TOUCHING)) & (_cosine(facing, normals) > _SAME_WAY)
+    counted = (straight | (np.abs(nearest.distance) < _TOUCHING)) & (np.vecdot(unit(facing), normals) > _SAME_WAY)
     return nearest.distance.astype(np.float64), counted
 
 
@@ -129,12 +129,6 @@ def _statistics(
     )
 
 
-def _cosine(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Cosine of the angle between rows of vectors (n, 3); 0 for a vector of no length."""
-    lengths = np.linalg.norm(one, axis=1) * np.linalg.norm(other, axis=1)
-    return np.einsum("vi,vi->v", one, other) / np.maximum(lengths, 1e-12)
-
-
 BANDS = {
     "upper thoracic": THORACIC[:4],
     "main thoracic": THORACIC[4:],
@@ -155,8 +149,6 @@ class Regions:
     """True left of the spine, as it runs at that height, shape (n,)."""
     facing: np.ndarray
     """1 where the skin faces back, -1 front, 0 sideways, shape (n,)."""
-    normals: np.ndarray
-    """Unit normals, outward, shape (n, 3)."""
     area: np.ndarray
     """Area of the skin around each vertex [mm2], shape (n,)."""
 
@@ -208,7 +200,6 @@ def regions_of(skin: Surface, landmarks: Landmarks) -> Regions:
         band=np.where(np.abs(normals[:, 2]) > _SIDEWAYS, -1, bands[level]),
         to_left=((skin.vertices[:, :2] - middle) @ across) > 0.0,
         facing=facing.astype(np.int8),
-        normals=normals,
         area=corner_areas(skin),
     )
 

@@ -53,7 +53,7 @@ def rotation_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent
 
     contacts = find_contacts(tangent.outline, tangent.spine, tangent.across)
     assert contacts is not None  # where there is a tangent there are contacts
-    bridge, rows = np.array_equal(*contacts.edges), _rows(landmarks, level)
+    bridge, rows = np.array_equal(*contacts.edges), landmarks.rows_of(level)
     kept, edges, cuts = _cut(skin, landmarks.points[rows, 2].mean())
     corners = np.concatenate([*contacts.edges, contacts.nearest])
     touched = edges[KDTree(cuts).query(corners)[1]]
@@ -82,7 +82,7 @@ def hump_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent: Du
     top = hump_top(tangent)
     if top is None:
         return None
-    rows = _rows(landmarks, level)
+    rows = landmarks.rows_of(level)
     kept, edges, cuts = _cut(skin, landmarks.points[rows, 2].mean())
     longest = np.linalg.norm(np.subtract(*skin.vertices[edges].swapaxes(0, 1)), axis=1).max()
     near = np.concatenate(KDTree(cuts).query_ball_point(top[1], longest)).astype(int)
@@ -112,7 +112,7 @@ def shoulder_derivative(skin: Surface, landmarks: Landmarks) -> Derivative | Non
         shoulders = shoulder_heights(part, spine_of(marks), asis_axis(marks))
         return np.nan if shoulders is None else shoulders.difference
 
-    rows = _rows(landmarks, "T1")
+    rows = landmarks.rows_of("T1")
     low = landmarks.points[rows, 2].mean() - DEEP - _MARGIN
     kept = (skin.vertices[skin.faces, 2] > low).all(axis=1)
     return _by_differences(difference, skin, landmarks, kept, [*outline.ends.ravel(), outline.edge], rows)
@@ -152,7 +152,3 @@ def _by_differences(
     for together, axis in product([rows, spines[:1], spines[1:]], range(3)):
         found.landmarks[together, axis] = slope(together, axis, landmarks.points, False) / len(together)
     return found
-
-
-def _rows(landmarks: Landmarks, level: str) -> list[int]:
-    return [row for row, name in enumerate(landmarks.names) if name.startswith(f"{level}_")]

@@ -119,7 +119,7 @@ def _turned(landmarks: Landmarks, curve: CobbAngle, angle: float) -> np.ndarray:
         end = upper if middle[2] > apex else lower
         part = (middle[2] - apex) / (1.5 * (end - apex)) if end != apex else float(level != curve.apex)
         share = math.cos(0.5 * math.pi * min(abs(part), 1.0)) ** 2
-        rows = [row for row, name in enumerate(landmarks.names) if name.startswith(f"{level}_")]
+        rows = landmarks.rows_of(level)
         away = landmarks.points[rows] - middle
         moved[rows] = angle * share * np.column_stack([-away[:, 1], away[:, 0], np.zeros(len(rows))])
     return moved

@@ -99,7 +99,7 @@ class StraightBody:
                     rib = bones[name]
                     shift = (size - 1.0) * (ends(rib, bone)[0] - middle)
                     bones[name] = Surface(rib.vertices + shift, rib.faces)
-            rows = [row for row, name in enumerate(self.landmarks.names) if name.startswith(f"{level}_")]
+            rows = self.landmarks.rows_of(level)
             points[rows] = middle + size * (points[rows] - middle)
         return replace(self, bones=bones, landmarks=Landmarks(self.landmarks.names, points))
 
