@@ -197,18 +197,9 @@ def cross_matrix(vectors: np.ndarray) -> np.ndarray:
 
 def rotation_vector(rotation: np.ndarray) -> np.ndarray:
     """Axis times angle [rad] of rotations (..., 3, 3), at most half a turn, shape (..., 3)."""
-    away = rotation - np.swapaxes(rotation, -1, -2)
-    vector = 0.5 * np.stack([away[..., 2, 1], away[..., 0, 2], away[..., 1, 0]], axis=-1)  # axis * sin(angle)
-    sine, cosine = np.linalg.norm(vector, axis=-1), 0.5 * (np.trace(rotation, axis1=-2, axis2=-1) - 1.0)
-    angle = np.arctan2(sine, cosine)
-    found = vector * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 1.0)[..., None]
-    if (far := cosine < -0.5).any():  # where the sine has few digits left, the symmetric part has the axis
-        outer = 0.5 * (rotation + np.swapaxes(rotation, -1, -2)) - cosine[..., None, None] * np.eye(3)
-        largest = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
-        axis = unit(np.take_along_axis(outer, largest[..., None, None], axis=-1)[..., 0])
-        axis *= np.where((axis * vector).sum(axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
-        found = np.where(far[..., None], angle[..., None] * axis, found)
-    return found
+    from scipy.spatial.transform import Rotation  # heavy
+
+    return Rotation.from_matrix(rotation.reshape(-1, 3, 3)).as_rotvec().reshape(rotation.shape[:-1])
 
 
 def smallest_turn(start: np.ndarray, end: np.ndarray) -> np.ndarray:
