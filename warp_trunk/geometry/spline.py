@@ -144,23 +144,16 @@ def spread_centres(points: np.ndarray, apart: float) -> np.ndarray:
 
 def spline_matrix(centres: np.ndarray, nugget: float | np.ndarray = 0.0, drift: str = "linear") -> np.ndarray:
     """The symmetric matrix of the weights and the affine part at centres (n, 3), shape (n + terms, n + terms)."""
+    from scipy.spatial.distance import cdist  # heavy
+
     n, terms = len(centres), 4 if drift == "linear" else 1
     A = np.zeros((n + terms, n + terms))
-    A[:n, :n] = distances(centres, centres) - np.diag(np.broadcast_to(nugget, n))
+    A[:n, :n] = cdist(centres, centres) - np.diag(np.broadcast_to(nugget, n))
     A[:n, n] = A[n, :n] = 1.0
     if drift == "linear":
         A[:n, n + 1 :] = centres
         A[n + 1 :, :n] = centres.T
     return A
-
-
-def distances(points: np.ndarray, centres: np.ndarray) -> np.ndarray:
-    """Of each point (m, 3) from each centre (n, 3), shape (m, n)."""
-    squared = np.zeros((len(points), len(centres)))
-    for axis in range(3):
-        apart = points[:, axis, None] - centres[:, axis]
-        squared += np.square(apart, out=apart)
-    return np.sqrt(squared, out=squared)
 
 
 def check_landmarks(
@@ -231,17 +224,21 @@ class SplineSums:
         Raises:
             InputError: landmarks on which no spline can be fitted (see `fit_spline`).
         """
+        from scipy.spatial.distance import cdist  # heavy
+
         check_landmarks(sources, sources, names=names)
         self._origin = sources.mean(axis=0)
         self._scale = float(np.abs(sources - self._origin).max()) or 1.0
         self._sources, self._points, self._weights = sources, self._scaled(points), weights
-        self._columns = weights @ distances(self._points, self._scaled(sources))
+        self._columns = weights @ cdist(self._points, self._scaled(sources))
         self._affine = weights @ np.hstack([np.ones((len(points), 1)), self._points])
         self._matrix = spline_matrix(self._scaled(sources))
         self._inverse = np.linalg.inv(self._matrix)
 
     def at(self, sources: np.ndarray, targets: np.ndarray) -> np.ndarray:
         """The sums of the displacements [mm], shape (sets, sums, 3), by landmarks (sets, n, 3) each [mm]."""
+        from scipy.spatial.distance import cdist  # heavy
+
         right = np.concatenate([targets - sources, np.zeros((len(sources), 4, 3))], axis=1)
         other = (sources != self._sources).any(axis=2)
         moved = np.flatnonzero(other.any(axis=1))
@@ -253,7 +250,7 @@ class SplineSums:
             rows, landmarks = np.nonzero(other)
             for some in np.array_split(np.arange(len(rows)), 1 + len(rows) * len(self._points) // _BLOCK):
                 at = self._scaled(sources[rows[some], landmarks[some]])
-                columns[rows[some], :, landmarks[some]] = (self._weights @ distances(self._points, at)).T
+                columns[rows[some], :, landmarks[some]] = (self._weights @ cdist(self._points, at)).T
             found[moved] = self._solved(sources[moved], right[moved], found[moved])
         return columns @ found[:, :-4] + self._affine @ found[:, -4:]
 
