@@ -20,12 +20,13 @@ GAP = 15.0
 """No triangle has a side longer than this, nor than four times the usual distance of points [mm]."""
 
 
-def averaged(points: np.ndarray, spacing: float = SPACING) -> np.ndarray:
-    """The means of points (n, 3) in cubes of a size [mm], shape (cubes, 3)."""
+def in_cubes(points: np.ndarray, size: float = SPACING) -> tuple[np.ndarray, np.ndarray]:
+    """The means of points (n, 3) in cubes of a size [mm], shape (cubes, 3), and the cube of each point, (n,)."""
     _, cube, count = np.unique(
-        np.floor(points / spacing).astype(np.int64), axis=0, return_inverse=True, return_counts=True
+        np.floor(points / size).astype(np.int64), axis=0, return_inverse=True, return_counts=True
     )
-    return np.column_stack([np.bincount(cube.reshape(-1), column) for column in points.T]) / count[:, None]
+    cube = cube.reshape(-1)
+    return np.column_stack([np.bincount(cube, column) for column in points.T]) / count[:, None], cube
 
 
 def without_bumps(points: np.ndarray, across: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -88,7 +89,7 @@ def relief(points: np.ndarray, across: np.ndarray) -> Surface:
 
     if points.ndim != 2 or points.shape[1:] != (3,) or len(points) < 100 or not np.isfinite(points).all():
         raise InputError(f"back: needs 100 or more finite points of shape (n, 3), not {points.shape}")
-    points = without_bumps(averaged(points), across)[0]
+    points = without_bumps(in_cubes(points)[0], across)[0]
     seen = np.column_stack([points[:, :2] @ across, points[:, 2]])
     corners = Delaunay(seen).simplices
     usual = np.median(KDTree(points).query(points, k=2)[0][:, 1])

@@ -12,6 +12,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.landmarks import ASIS
+from warp_trunk.geometry.relief import in_cubes
 from warp_trunk.geometry.surface import Surface, area_vectors, unit
 from warp_trunk.preparation.landmark_finder import FoundLandmarks
 
@@ -139,10 +140,7 @@ def _draw_bone(
 
 def _coarser(bone: Surface) -> Surface:
     """Vertices of one small cube become one, as far as a picture shows."""
-    cubes = np.floor(bone.vertices / _FINE).astype(np.int64)
-    _, number, count = np.unique(cubes, axis=0, return_inverse=True, return_counts=True)
-    number = number.reshape(-1)
-    middle = np.stack([np.bincount(number, column) for column in bone.vertices.T], axis=1) / count[:, None]
+    middle, number = in_cubes(bone.vertices, _FINE)
     faces = number[bone.faces]
     return Surface(middle, faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)].astype(np.int32))
 

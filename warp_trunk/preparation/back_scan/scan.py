@@ -10,7 +10,7 @@ import numpy as np
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.relief import averaged, without_bumps
+from warp_trunk.geometry.relief import in_cubes, without_bumps
 from warp_trunk.geometry.surface import area_vectors, unit
 from warp_trunk.geometry.surface_checks import linked_parts
 from warp_trunk.measures.spine import asis_axis
@@ -80,7 +80,7 @@ def clean_scan(points: np.ndarray, inner: np.ndarray, what: str = "back") -> Bac
         fits = [f"--units {unit}" for unit, size in (("cm", 10.0), ("m", 1000.0)) if 250 <= extent * size <= 2500]
         rule = f"a back in mm extends over {EXTENT[0]:g} to {EXTENT[1]:g}"
         raise InputError(f"{what}: extends over {extent:.4g}, and {rule}; give {(*fits, 'it in mm')[0]}")
-    thin = averaged(points)
+    thin = in_cubes(points)[0]
     bump = without_bumps(thin, np.array([1.0, 0.0]))[1]
     loose, thin = thin[bump], thin[~bump]
     tree = KDTree(thin)
