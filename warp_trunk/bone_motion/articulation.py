@@ -16,7 +16,7 @@ from warp_trunk.measures.cobb import cobb_angles
 
 from .rib_cage import follow
 from .skeleton import Link, Skeleton
-from .vertebra_motion import Vertebrae
+from .vertebra_motion import Vertebrae, attitudes
 from .vertebra_smoothing import vertebra_smoothing
 
 if TYPE_CHECKING:
@@ -221,9 +221,7 @@ def _leaning(middles: Mapping[str, np.ndarray], motions: NamedMotions) -> RigidM
     from_centre, to_centre = before.mean(axis=0), after.mean(axis=-2)
     a, b = before - from_centre, after - to_centre[..., None, :]
     sine = b[..., 0] @ a[:, 2] - b[..., 2] @ a[:, 0]
-    lean = np.zeros_like(to_centre)
-    lean[..., 1] = np.arctan2(sine, b[..., 0] @ a[:, 0] + b[..., 2] @ a[:, 2])
-    turn = RigidMotion.exp(np.concatenate([lean, np.zeros_like(lean)], axis=-1)).rotation
+    turn = attitudes(np.arctan2(sine, b[..., 0] @ a[:, 0] + b[..., 2] @ a[:, 2]), 0.0)
     way = to_centre - rotated(turn, from_centre)
     return RigidMotion(turn, way * [1.0, 0.0, 1.0])
 

@@ -10,11 +10,11 @@ import numpy as np
 
 from warp_trunk.case.landmarks import ASIS, VERTEBRA_POINTS
 from warp_trunk.geometry.rigid import RigidMotion, rotated
+from warp_trunk.measures.cobb import CobbAngle, vertebral_tilt
 from warp_trunk.measures.spine import ENDPLATES
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
-    from warp_trunk.measures.cobb import CobbAngle
 
 
 class Vertebrae(NamedTuple):
@@ -195,8 +195,7 @@ class CoupledTurns:
         """The part of each curve's Cobb angle that surgery takes away, shape (sets, curves)."""
         ends = [[[self._place[f"{v}_{end}"] for end in ENDPLATES] for v in (c.upper, c.lower)] for c in curves]
         plates = np.stack([before, after])[:, :, ends]  # (2, sets, curves, 2, 2, 3)
-        axis = plates[..., 0, :] - plates[..., 1, :]
-        tilt = np.arctan2(axis[..., 0], axis[..., 2])
+        tilt = vertebral_tilt(plates)
         was, now = tilt[..., 0] - tilt[..., 1]
         side = np.array([1.0 if curve.convex == "right" else -1.0 for curve in curves])
         return np.clip(1.0 - side * now / np.abs(was), -1.0, 1.0)

@@ -116,12 +116,12 @@ def coronal_angle(spine: Spine, upper: str, lower: str) -> float | None:
 
 
 def vertebral_tilt(endplates: np.ndarray) -> np.ndarray:
-    """Coronal tilt of each vertebra's axis [degrees], positive to the patient's left, shape (levels,).
+    """Coronal tilt of each vertebra's axis [degrees], positive to the patient's left, shape (...).
 
-    endplates: superior and inferior endplate centres [mm], shape (levels, 2, 3).
+    endplates: superior and inferior endplate centres [mm], shape (..., 2, 3).
     """
-    axis = endplates[:, 0] - endplates[:, 1]
-    return np.degrees(np.arctan2(axis[:, 0], axis[:, 2]))
+    axis = endplates[..., 0, :] - endplates[..., 1, :]
+    return np.degrees(np.arctan2(axis[..., 0], axis[..., 2]))
 
 
 def _turning_points(tilt: list[float]) -> list[int]:
