@@ -9,7 +9,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 
-from .surface import Surface
+from .surface import Surface, unit
 
 
 def section(surface: Surface, height: float) -> list[np.ndarray]:
@@ -169,6 +169,20 @@ def _cycles(following: np.ndarray) -> list[np.ndarray]:
             here = after[here]
         cycles.append(np.array(cycle))
     return cycles
+
+
+def last_crossing(segments: np.ndarray, start: np.ndarray, direction: np.ndarray) -> np.ndarray | None:
+    """Where the line from a point (2,) in a direction crosses segments (n, 2, 2) furthest along, shape (2,); None
+    where it misses all of them."""
+    direction = unit(direction)
+    aside = (segments - start) @ np.array([direction[1], -direction[0]])
+    crossed = (aside[:, 0] >= 0.0) != (aside[:, 1] >= 0.0)
+    if not crossed.any():
+        return None
+    before, after = aside[crossed].T
+    first, second = np.moveaxis(segments[crossed] - start, 1, 0)
+    way = (first + (before / (before - after))[:, None] * (second - first)) @ direction
+    return start + way.max() * direction
 
 
 def upper_hull(x: np.ndarray, y: np.ndarray) -> list[int]:

@@ -11,7 +11,7 @@ import numpy as np
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.relief import relief, without_bumps
-from warp_trunk.geometry.section import pieces
+from warp_trunk.geometry.section import last_crossing, pieces
 
 from .back_rotation import DualTangent, tangent_of
 from .markers import BackMarkers, back_markers
@@ -150,7 +150,7 @@ def measure_back(
         turns = np.nan_to_num(np.arctan2(between @ behind, between @ across))
     cuts = [_piece(surface, centre) for centre in centres]
     places = [
-        None if cut is None else _behind(cut, centre[:2], behind - math.tan(turn) * across)
+        None if cut is None else last_crossing(cut, centre[:2], behind - math.tan(turn) * across)
         for cut, centre, turn in zip(cuts, centres, turns, strict=True)
     ]
     if kind == "body line":
@@ -207,23 +207,10 @@ def _piece(surface: Surface, centre: np.ndarray) -> np.ndarray | None:
     return found[int(np.argmin(away))] if found else None
 
 
-def _behind(piece: np.ndarray, start: np.ndarray, direction: np.ndarray) -> np.ndarray | None:
-    """Where the line from a point (2,) in a direction leaves a section furthest back (2,); None if it misses."""
-    direction = direction / np.hypot(*direction)
-    aside = (piece - start) @ np.array([direction[1], -direction[0]])
-    crossed = piece[(aside[:, 0] >= 0.0) != (aside[:, 1] >= 0.0)] - start
-    if not len(crossed):
-        return None
-    aside = crossed @ np.array([direction[1], -direction[0]])
-    share = aside[:, 0] / (aside[:, 0] - aside[:, 1])
-    way = (crossed[:, 0] + share[:, None] * (crossed[:, 1] - crossed[:, 0])) @ direction
-    return start + way.max() * direction
-
-
 def _slope(piece: np.ndarray, place: np.ndarray, across: np.ndarray, beside: float) -> float | None:
     """Slope between the skin at both sides of a place [degrees], positive where the right one is further back."""
     behind = np.array([-across[1], across[0]])
-    left, right = (_behind(piece, place + side * beside * across, behind) for side in (1.0, -1.0))
+    left, right = (last_crossing(piece, place + side * beside * across, behind) for side in (1.0, -1.0))
     if left is None or right is None:
         return None
     return math.degrees(math.atan2((right - left) @ behind, 2.0 * beside))

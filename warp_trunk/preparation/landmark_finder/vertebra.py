@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.section import arc_length, enclosed_area, points_along, section
+from warp_trunk.geometry.section import arc_length, enclosed_area, last_crossing, points_along, section
 from warp_trunk.geometry.surface import Surface, area_vectors, unit
 
 
@@ -193,15 +193,11 @@ def centroid(loop: np.ndarray) -> np.ndarray:
     return middle + (one + two).T @ weight / (3.0 * weight.sum())
 
 
-def last_crossing(loop: np.ndarray, start: np.ndarray, direction: np.ndarray) -> np.ndarray:
+def leaving(loop: np.ndarray, start: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Where a ray from within a loop (k, 2) leaves it for good, shape (2,)."""
-    a, b = loop - start, np.roll(loop, -1, axis=0) - start
-    across = np.array([-direction[1], direction[0]])
-    side_a, side_b = a @ across, b @ across
-    crossed = (side_a < 0.0) != (side_b < 0.0)
-    share = side_a[crossed] / (side_a[crossed] - side_b[crossed])
-    hits = a[crossed] + share[:, None] * (b - a)[crossed]
-    return start + hits[(hits @ direction).argmax()]
+    found = last_crossing(np.stack([loop, np.roll(loop, -1, axis=0)], axis=1), start, direction)
+    assert found is not None
+    return found
 
 
 _MOST_ASYMMETRY = 2.5
@@ -316,12 +312,12 @@ def _six(local: Surface) -> np.ndarray:
             raise UnsureError("it shows two bodies, one above the other; give each vertebra its own surface")
     low, high = body.min(axis=0), body.max(axis=0)
     up = np.array([0.0, 1.0])
-    found = [[0.0, *last_crossing(body, (low + high) / 2.0, sign * up)] for sign in (1.0, -1.0)]
+    found = [[0.0, *leaving(body, (low + high) / 2.0, sign * up)] for sign in (1.0, -1.0)]
     depth, pedicles = _pedicles(local, low, high)
     for pedicle in pedicles:
         centre = centroid(pedicle)
         for sign in (1.0, -1.0):
-            left, height = last_crossing(pedicle, centre, sign * up)
+            left, height = leaving(pedicle, centre, sign * up)
             found.append([left, depth, height])
     return np.array(found)
 
