@@ -52,11 +52,11 @@ def directed_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def neighbour_means(surface: Surface) -> csr_array:
     """The matrix that takes values at vertices to their means over the neighbours, shape (vertices, vertices)."""
-    from scipy.sparse import coo_array, diags_array  # heavy
+    from scipy.sparse import csr_array, diags_array  # heavy
 
     ends, count = directed_edges(surface.faces), len(surface.vertices)
-    beside = coo_array((np.ones(len(ends[0])), ends), shape=(count, count)).tocsr()
-    return (diags_array(1.0 / np.maximum(beside.sum(axis=1), 1.0)) @ beside).tocsr()
+    beside = csr_array((np.ones(len(ends[0])), ends), shape=(count, count))
+    return csr_array(diags_array(1.0 / np.maximum(beside.sum(axis=1), 1.0)) @ beside)
 
 
 def area_vectors(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
