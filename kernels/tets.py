@@ -8,6 +8,7 @@ slab for each range of tetrahedra."""
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain
 from types import SimpleNamespace
 from typing import Any
 
@@ -221,22 +222,50 @@ SCATTER_GRADIENT = """
     }
 """
 
+TRANSPOSE = f"""
+    typedef real run __attribute__((ext_vector_type(8), aligned(sizeof(real))));
+    lanes kept[{LANES}][{len(PAIRS) + -(-len(PAIRS) // LANES)}];
+    const auto keep = [&](int k, lanes a, lanes b, lanes c, lanes d, lanes e, lanes f, lanes g, lanes h) {{
+        const auto by_one = [](lanes x, lanes y) {{
+            return __builtin_shufflevector(x, y, 0, 8, 1, 9, 4, 12, 5, 13);
+        }};
+        const auto of_two = [](lanes x, lanes y) {{
+            return __builtin_shufflevector(x, y, 2, 10, 3, 11, 6, 14, 7, 15);
+        }};
+        const auto first_two = [](lanes x, lanes y) {{
+            return __builtin_shufflevector(x, y, 0, 1, 8, 9, 4, 5, 12, 13);
+        }};
+        const auto last_two = [](lanes x, lanes y) {{
+            return __builtin_shufflevector(x, y, 2, 3, 10, 11, 6, 7, 14, 15);
+        }};
+        const lanes ab = by_one(a, b), cd = by_one(c, d), ef = by_one(e, f), gh = by_one(g, h);
+        const lanes ab2 = of_two(a, b), cd2 = of_two(c, d), ef2 = of_two(e, f), gh2 = of_two(g, h);
+        const lanes low[4] = {{first_two(ab, cd), last_two(ab, cd), first_two(ab2, cd2), last_two(ab2, cd2)}};
+        const lanes high[4] = {{first_two(ef, gh), last_two(ef, gh), first_two(ef2, gh2), last_two(ef2, gh2)}};
+        for (int l = 0; l < 4; ++l) {{
+            kept[l][k] = __builtin_shufflevector(low[l], high[l], 0, 1, 2, 3, 8, 9, 10, 11);
+            kept[l + 4][k] = __builtin_shufflevector(low[l], high[l], 4, 5, 6, 7, 12, 13, 14, 15);
+        }}
+    }};
+"""
+"""`keep` stores eight numbers of every lane beside each other, as run k of what is kept of that lane."""
+
 SCATTER_BLOCKS = f"""
-        typedef real run __attribute__((ext_vector_type({LANES}), aligned(sizeof(real))));
         for (int l = 0; l < count; ++l) {{
+            const real* ninth = (const real*)(kept[l] + {len(PAIRS)});
             const wp::int32* to = (const wp::int32*)place_of.data + {len(PAIRS)} * (long)(t + l);
             for (int k = 0; k < {len(PAIRS)}; ++k) {{
-                const lanes* of = numbers + 9 * k;
-                const run own = {{of[0][l], of[1][l], of[2][l], of[3][l], of[4][l], of[5][l], of[6][l], of[7][l]}};
-                const run transposed = __builtin_shufflevector(own, own, 0, 3, 6, 1, 4, 7, 2, 5);
+                const lanes own = kept[l][k];
+                const lanes transposed = __builtin_shufflevector(own, own, 0, 3, 6, 1, 4, 7, 2, 5);
                 real* block = out + 9 * (long)(to[k] / 2);
                 *(run*)block += to[k] % 2 ? transposed : own;
-                block[8] += of[8][l];
+                block[8] += ninth[k];
             }}
         }}
     }}
 """
-"""Adds the blocks, runs of eight numbers and a ninth, which stays where it is in the transposed block."""
+"""Adds what is kept: of each block a run of eight numbers, and after all of them the ninth ones, which stay where
+they are in the transposed block."""
 
 
 class _Array:
@@ -311,15 +340,20 @@ def hessian_code(formulas: TetFormulas, *, positive: bool) -> str:
     aa, ab, ac, bb, bc, cc = vectorized(formulas.hessian)(elements, TET, *_moved(), positive)
     oo, oa, ob, oc = vectorized(with_corner_0)(aa, ab, ac, bb, bc, cc)
     blocks = [oo, oa, ob, oc, aa, ab, ac, bb, bc, cc]
-    lines, names = emit([block[i, j] for block in blocks for i in range(3) for j in range(3)])
+    axes = [(i, j) for i in range(3) for j in range(3)]
+    numbers = [[block[i, j] for i, j in axes] for block in blocks]
+    ninth = [block.pop() for block in numbers]
+    lines, names = emit([*chain(*numbers), *ninth])
+    names += [names[-1]] * (-len(names) % LANES)
     return "\n".join(
         [
             _types(formulas.scalar),
             "real* out = (real*)blocks.data;",
+            TRANSPOSE,
             BEGIN,
             elements.windows(),
             lines,
-            f"const lanes numbers[] = {{{', '.join(names)}}};",
+            *(f"keep({k // LANES}, {', '.join(names[k : k + LANES])});" for k in range(0, len(names), LANES)),
             SCATTER_BLOCKS,
         ]
     )
