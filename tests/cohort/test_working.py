@@ -78,7 +78,7 @@ def alone(cases: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The results of the good cases, done one after the other by this process."""
     out = tmp_path_factory.mktemp("alone")
     for name in "abc":
-        assert do_case(cases / name, out / name, cohort_options(threads=1)).row.status == "CONVERGED"
+        assert do_case(cases / name, out / name, cohort_options()).row.status == "CONVERGED"
     return out
 
 
@@ -116,10 +116,10 @@ def test_what_is_done_is_kept_and_what_changed_is_done_again(cases: Path, alone:
     for file in (alone / "a").iterdir():
         out.mkdir(exist_ok=True)
         (out / file.name).write_bytes(file.read_bytes())
-    kept = do_case(cases / "a", out, cohort_options(threads=1))
+    kept = do_case(cases / "a", out, cohort_options())
     assert kept.kept
     assert kept.row.measures
-    changed = dataclasses.replace(cohort_options(threads=1), constants={"youngs_modulus": 5.0})
+    changed = dataclasses.replace(cohort_options(), constants={"youngs_modulus": 5.0})
     done = do_case(cases / "a", out, changed)
     assert not done.kept
     assert done.notice == "'youngs_modulus' was 17.0 and is 5.0"
@@ -155,7 +155,7 @@ def test_a_scheduler_that_is_lost_loses_no_result(cases: Path, alone: Path, tmp_
 
     with Client(cluster, timeout=5) as client, pytest.raises(InputError, match="the scheduler was lost"):
         work(client, [cases / name for name in "ab"], tmp_path, cohort_options(), Closing())
-    assert do_case(cases / "a", tmp_path / "a", cohort_options(threads=1)).kept
+    assert do_case(cases / "a", tmp_path / "a", cohort_options()).kept
 
 
 @pytest.mark.parametrize(

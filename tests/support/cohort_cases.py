@@ -16,14 +16,14 @@ from .meshes import turned_about_z
 from .small_case import small_case
 
 
-def cohort_options(threads: int = 0) -> CohortOptions:
-    """With these such a case takes some seconds."""
+def cohort_options() -> CohortOptions:
+    """With these such a case takes some seconds, on one thread."""
     return CohortOptions(
         run=RunOptions(
             mesh=MeshOptions(tets=8000, bone_voxel=8.0),
             simulation=SimulationOptions(increments=1),
             device="cpu",
-            threads=threads,
+            threads=1,
             record=False,
         )
     )

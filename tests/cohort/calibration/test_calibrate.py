@@ -296,7 +296,7 @@ def made_job(tmp_path_factory: pytest.TempPathFactory, names: tuple[str, ...], *
     turned[rows] = (turned[rows] - middle) @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) + middle
     write_case(folder, replace(case, landmarks_after=replace(marks, points=turned)))
     run = replace(
-        cohort_options(threads=1).run,
+        cohort_options().run,
         energy="neo-hookean",
         layers="depth",
         bones="follow",
