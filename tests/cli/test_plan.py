@@ -87,6 +87,10 @@ def test_option_takes_the_place_of_what_the_file_says(folder: Path) -> None:
             "is given twice; give it once",
         ),
         (("--plan", "PLAN", "--aim", "hump"), "--aim and --within belong together"),
+        (
+            ("--plan", "PLAN", "--aim", "bsr", "--within", "T8,correction=0.5"),
+            "two numbers, as correction=0.5..0.8",
+        ),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(folder, refused, options, rule):
