@@ -121,25 +121,21 @@ class Relaxer:
         for _step in range(self.options.max_steps):
             # Solve: the direction to the equilibrium, and how far that is.
             action, iterations = find_direction(work, run, planned)
-            if action is Action.CONVERGED:
-                slope, trial = work.products().slope, work.attempt(1.0)
-                history.evaluations += 1
-                fall = history.energy.total - trial.energy.total
-                action = decide_claim(slope, trial.products.slope, fall, history.rounding)
             history.solved(run.distance, iterations)
+            history.evaluations = work.evaluations
             if action is Action.CONVERGED:
                 return history.end(RelaxStatus.CONVERGED, run.distance)
             if action is Action.STALLED or history.stagnated(run.distance):
                 return history.end(RelaxStatus.STALLED, math.inf)
             # Line search: a length that lowers the energy and inverts nothing that must not be inverted.
-            trial, attempts = search(
+            trial, _ = search(
                 work.attempt,
                 1.0,
                 history.energy.total,
                 work.products().slope,
                 rounding=history.rounding,
             )
-            history.evaluations += attempts
+            history.evaluations = work.evaluations
             if trial is not None:
                 work.accept()
                 history.add(trial)
@@ -188,6 +184,8 @@ def find_direction(work: Work, run: Run, planned: Plan) -> tuple[Action, int]:
             else:
                 run.down = None  # the state has left it
         action, certifying = decide(run, planned, solution), False
+        if action is Action.TRY:
+            action = decide_claim(work.products().slope, work.attempt(1.0).products.slope)
         if action is Action.CERTIFY:
             certifying, run.floor = True, max(run.floor, work.measure())
             solution = work.certify(solution)
@@ -209,5 +207,5 @@ def find_direction(work: Work, run: Run, planned: Plan) -> tuple[Action, int]:
                 return Action.SEARCH, spent
             case Action.SEARCH | Action.CONVERGED | Action.STALLED:
                 return action, spent
-            case Action.CERTIFY:
+            case Action.TRY | Action.CERTIFY:
                 raise AssertionError

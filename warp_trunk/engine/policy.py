@@ -32,6 +32,7 @@ class Action(Enum):
     SEARCH = "search along its solution"
     DESCEND = "search along its direction of negative curvature"
     SOLVE = "solve again, as planned now"
+    TRY = "try the whole step, by which a claim would be made"
     CERTIFY = "continue it with noise until no saddle can have been missed"
     CONVERGED = "end: the equilibrium is nearer than the tolerance, and no saddle"
     STALLED = "end: nothing can be claimed, and nothing leads on"
@@ -71,6 +72,9 @@ class Policy:
     """The part of its slope that the step to the end may leave, as in the theorem of Newton and Kantorovich. Where
     stiff motions set its length, the Hessian of a soft one can change on the way unseen: a step of 0.02 mm left
     0.56, and the next was 3.5 mm long; one left 0.48, with 0.28 mm to go."""
+    negligible: float = 1e-3
+    """The part of the tolerance up to which a step, as one of rounding, is neither tried nor taken where all else
+    allows a claim: its slopes are rounding, and no part of it lowers the energy."""
     stretch: int = 16
     """The most iterations by which a solve with noise is continued before the chance is computed again."""
 
@@ -126,8 +130,6 @@ class Run:
     """The part of the last true step that it left, by how much less the gradient fell [mm]."""
     whole: bool = False
     """Whether the last solution was taken as a whole step."""
-    solved: bool = False
-    """Whether the distance of the state itself was estimated."""
     cut: bool = False
     """Whether the line search had to cut a step. Then stiff motions hide soft ones, and a short solve of what a
     step along the soft ones left would look converged: solves no longer end early."""
@@ -173,8 +175,14 @@ def decide(run: Run, planned: Plan, solution: LinearSolution, policy: Policy = P
             return _descend(run) if run.at_saddle else _avoid(run, policy)
         case Outcome.SOLVED | Outcome.EXHAUSTED | Outcome.NEGATIVE_CURVATURE:  # of a projected one: rounding
             _estimate(run, planned, solution, policy)
-            near = max(run.distance, bound(run, policy)) <= run.tolerance
-            return Action.CERTIFY if planned.true and run.known and near else Action.SEARCH
+            near = run.known and max(run.distance, bound(run, policy)) <= run.tolerance
+            negligible = run.length <= max(run.floor, policy.negligible * run.tolerance)
+            if near and planned.true:
+                return Action.CERTIFY if negligible else Action.TRY
+            if near and negligible and plan(run, policy).true:
+                run.whole = False
+                return Action.SOLVE
+            return Action.SEARCH
     raise AssertionError(solution.outcome)
 
 
@@ -196,16 +204,16 @@ def decide_end(run: Run, solution: LinearSolution, chance: float, policy: Policy
     raise AssertionError(solution.outcome)
 
 
-def decide_claim(before: float, after: float, fall: float, rounding: float, policy: Policy = POLICY) -> Action:
-    """The next thing where all else allows a claim, by a trial of the whole step that it is made of.
+def decide_claim(before: float, after: float, policy: Policy = POLICY) -> Action:
+    """CERTIFY or SEARCH where all else allows a claim, by a trial of the whole step that it is made of.
+
+    The energy itself says less: near zero it is the sum of parts whose rounding is larger than its change.
 
     Args:
         before: slope of the energy along the step at its start, negative.
-        after: slope at its end.
-        fall: how much the energy falls over it.
-        rounding: change of the energy that the precision does not resolve, and below which slopes say nothing.
+        after: slope at its end, positive where the step overshoots.
     """
-    return Action.SEARCH if fall > rounding and after < policy.slope * before else Action.CONVERGED
+    return Action.SEARCH if abs(after) > policy.slope * abs(before) else Action.CERTIFY
 
 
 def stretch(iterations: int, first: float, chance: float, policy: Policy = POLICY) -> int:
@@ -223,7 +231,7 @@ def _avoid(run: Run, policy: Policy) -> Action:
     """The true Hessian was tried too far away: the projected one leads nearer."""
     run.nearer = min(run.nearer, policy.nearer * run.distance)
     run.at_saddle = run.nearer <= run.tolerance
-    run.phase, run.distance, run.solved = Phase.PROJECTED, math.inf, False
+    run.phase, run.distance = Phase.PROJECTED, math.inf
     return Action.SOLVE
 
 
@@ -237,9 +245,6 @@ def _estimate(run: Run, planned: Plan, solution: LinearSolution, policy: Policy)
     """Sets the distance by the length of a solution and how much shorter it is than the one before."""
     length, before = solution.length + solution.error, run.length
     run.known = solution.outcome is Outcome.SOLVED
-    if run.solved:  # again at the same state
-        run.length = length
-        return
     run.left = 0.0
     if planned.true and run.whole and run.phase is Phase.TRUE:
         run.left = solution.norm / run.norm * before
@@ -248,7 +253,7 @@ def _estimate(run: Run, planned: Plan, solution: LinearSolution, policy: Policy)
     if 0.0 < before < math.inf:
         fallen = solution.norm / run.norm  # less than the length, where stiff motions hide soft ones
         left = min(max(length / before, fallen), policy.slowest)
-    run.length, run.norm, run.solved = length, solution.norm, True
+    run.length, run.norm = length, solution.norm
     run.phase = Phase.TRUE if planned.true else Phase.PROJECTED
     run.distance = run.floor + length * max(1.0, left / (1.0 - left))
 
@@ -259,7 +264,7 @@ def searched(run: Run, length: float | None) -> bool:
     Returns:
         Whether the relaxation can go on.
     """
-    run.whole, run.solved = length == 1.0, False
+    run.whole = length == 1.0
     if length is None:  # the true Hessian is tried once where the projected one leads nowhere
         run.try_true = run.at_saddle = True
         return run.confirm and run.phase is Phase.PROJECTED

@@ -31,6 +31,8 @@ class Work:
     """The Hessian that was assembled last."""
     hessian: tuple[bool, int] | None = None
     """Whether that is the true one, and the version of the state that it was assembled at; None: at rest."""
+    evaluations: int
+    """Evaluations of energy and gradient since the state was last set."""
 
     def __init__(self, state: State, grids: Grids | None = None) -> None:
         """For a state at rest, or where the trunk was scanned: the preconditioner is made of the Hessian there.
@@ -83,7 +85,7 @@ class Work:
             self.preconditioner.reset_grids()
             self._grids_at_rest = True
         self._evaluate()
-        self._version, self._ahead = self._version + 1, False
+        self._version, self._ahead, self.evaluations = self._version + 1, False, 1
 
     def floor(self) -> float:
         """Rounding error of every distance [mm], by the largest displacement when that was last measured."""
@@ -173,6 +175,7 @@ class Work:
     def attempt(self, length: float) -> Trial:
         """Evaluates the trial at a length along the direction."""
         ahead, self._ahead = self._ahead and length == 1.0, False
+        self.evaluations += 1
         if not ahead:
             self._length.fill_(length)
             self._step()

@@ -85,7 +85,7 @@ def test_negative_curvature_is_avoided_far_away_and_followed_near_the_end() -> N
 
 def test_the_end_is_claimed_only_with_noise_and_by_the_chance() -> None:
     run = near_the_end()
-    assert decide(run, plan(run), solved(0.001, 1e-6)) is Action.CERTIFY
+    assert decide(run, plan(run), solved(0.001, 1e-6)) is Action.TRY
     assert decide_end(run, solved(0.0001), 0.5) is Action.CERTIFY
     assert run.length == pytest.approx(0.001)  # noise that cancels a part of the way makes it no shorter
     assert decide_end(run, solved(0.001), 1e-4) is Action.CONVERGED
@@ -95,10 +95,34 @@ def test_the_end_is_claimed_only_with_noise_and_by_the_chance() -> None:
     assert decide_end(run, solved(0.001, outcome=Outcome.NEGATIVE_CURVATURE), 1.0) is Action.DESCEND
 
 
-def test_a_step_that_leaves_most_of_its_slope_is_taken_before_a_claim() -> None:
-    assert decide_claim(-1.0, -0.2, fall=0.6, rounding=1e-7) is Action.CONVERGED
-    assert decide_claim(-1.0, -0.3, fall=0.8, rounding=1e-7) is Action.SEARCH
-    assert decide_claim(-1.0, -0.3, fall=0.8, rounding=1.0) is Action.CONVERGED  # slopes of rounding say nothing
+@pytest.mark.parametrize(("after", "wanted"), [(0.2, Action.CERTIFY), (0.3, Action.SEARCH), (3.0, Action.SEARCH)])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_step_that_leaves_much_of_its_slope_or_overshoots_is_taken_before_a_claim(
+    side: float, after: float, wanted: Action
+) -> None:
+    assert decide_claim(-1.0, side * after) is wanted
+
+
+@pytest.mark.parametrize(
+    ("length", "floor", "wanted"),
+    [(1e-3, 0.0, Action.TRY), (1e-3, 2e-3, Action.CERTIFY), (1e-6, 0.0, Action.CERTIFY)],
+)
+def test_only_steps_of_more_than_rounding_are_tried(length: float, floor: float, wanted: Action) -> None:
+    run = near_the_end()
+    run.floor = floor
+    assert decide(run, plan(run), solved(length, 1e-6)) is wanted
+
+
+def test_where_the_projected_hessian_leads_nowhere_the_true_one_is_solved_with_at_once() -> None:
+    run = Run(0.1, confirm=True)
+    assert decide(run, plan(run), solved(1e-6)) is Action.SOLVE
+    assert plan(run).true
+    assert decide(run, plan(run), solved(1e-6)) is Action.CERTIFY
+    assert not run.steps  # no step was taken between the two
+    run = Run(0.1, confirm=True, nearer=1e-9)  # there it was indefinite
+    assert decide(run, plan(run), solved(1e-6)) is Action.SEARCH
+    run = Run(0.1)  # on the way nothing is claimed
+    assert decide(run, plan(run), solved(1e-6)) is Action.SEARCH
 
 
 def test_a_run_begins_with_nothing_of_another() -> None:
