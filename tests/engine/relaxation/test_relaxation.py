@@ -94,7 +94,7 @@ def test_float32_reports_that_it_cannot_reach_a_nanometre(scene: str) -> None:
 @pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
 @pytest.mark.parametrize("precision", ["float32", "float64"])
 def test_from_its_equilibrium_a_relaxation_claims_without_a_search(energy: str, precision: str) -> None:
-    """Turned as a whole, its energy is next to nothing, of which no change can be told from rounding."""
+    """Turned as a whole, its energy is next to nothing, whose changes are no larger than rounding."""
     trunk, start = SCENES["turned face"]
     relaxer = Relaxer(model_of(trunk, energy=energy, precision=precision))
     relaxer.state.set_displacement(start)
