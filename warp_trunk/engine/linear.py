@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import Enum
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -264,12 +265,14 @@ class ConjugateGradient:
             """Iterations and a test of how far they moved the solution; the device decides when the loop ends."""
             return parallel.repeat(running, in_sequence(*[iterate] * size, self._measure, self._test_convergence))
 
-        def run(first: Launch, size: int = WINDOW) -> Launch:
-            return parallel.graph(self._reset, first, precondition, windows(size), self._outcome.send)
+        def run(first: Launch, size: int = WINDOW, *more: Launch) -> Launch:
+            return parallel.graph(self._reset, first, precondition, windows(size), self._outcome.send, *more)
 
         self._run, self._run_short = run(self._start), run(self._start, SHORT_WINDOW)  # d = 0, r = -g
-        self._run_with_noise = run(add_noise)
-        self._go_on, self._running = parallel.graph(windows(WINDOW), self._outcome.send), running
+        coefficients = self._r_dot_z.send, self._p_dot_q.send
+        self._run_with_noise = run(add_noise, WINDOW, *coefficients)
+        go_on = partial(running.fill_, 1)
+        self._go_on = parallel.graph(go_on, windows(WINDOW), self._outcome.send, *coefficients)
 
     def solve(self, absolute: float, relative: float, least_iterations: float = 0.0) -> LinearSolution:
         """Solves H d = -g for the gradient as it is now.
@@ -302,7 +305,6 @@ class ConjugateGradient:
     def go_on(self, least_iterations: float) -> LinearSolution:
         """Continues the last solve to a number of iterations in all, where it was SOLVED."""
         self._limit(*self._set_limits[:2], least_iterations)
-        self._running.fill_(1)
         self._go_on()
         return self.read()
 
@@ -332,9 +334,8 @@ class ConjugateGradient:
         )
 
     def coefficients(self) -> tuple[np.ndarray, np.ndarray]:
-        """r . z and p . q of every iteration of the last solve, float64, shape (iterations,) each."""
-        self._r_dot_z.send()
-        self._p_dot_q.send()
+        """r . z and p . q of every iteration of the last solve, which had noise or was continued, float64, shape
+        (iterations,) each."""
         count = int(self._outcome.read()[ITERATIONS])
         r_dot_z, p_dot_q = (each.read()[:count].sum(axis=1) for each in (self._r_dot_z, self._p_dot_q))
         return r_dot_z, p_dot_q

@@ -75,7 +75,7 @@ class Policy:
     negligible: float = 1e-3
     """The part of the tolerance up to which a step, as one of rounding, is neither tried nor taken where all else
     allows a claim: its slopes are rounding, and no part of it lowers the energy."""
-    stretch: int = 16
+    stretch: int = 32
     """The most iterations by which a solve with noise is continued before the chance is computed again."""
 
 

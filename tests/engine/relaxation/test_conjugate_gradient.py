@@ -122,6 +122,8 @@ def test_a_solve_that_goes_on_ends_where_a_longer_one_does() -> None:
     part, parts = solver.solution.numpy().copy(), solver.coefficients()
     assert solver.solve(1e-3, 0.1, 40).iterations == 40
     assert (part == solver.solution.numpy()).all()
+    assert solver.solve(1e-3, 0.1, 36).iterations == 36
+    solver.go_on(40)
     np.testing.assert_array_equal(parts, solver.coefficients())
     assert [len(each) for each in parts] == [40, 40]
     bounded = ConjugateGradient(matrix, Multigrid(matrix), state.gradient, most_iterations=8)
