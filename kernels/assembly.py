@@ -10,6 +10,8 @@ from typing import Any
 
 import warp as wp
 
+from .arguments import Ints, Items
+
 INVERTED, NEWLY_INVERTED, FIRST_TERM = range(3)
 """Columns of the sums: counts of tetrahedra, then the terms of an energy in an order of its own."""
 COLUMNS = 8
@@ -26,6 +28,7 @@ PAIRS = ((0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3),
 """The pairs of corners whose blocks a tetrahedron has; those of the others are transposed ones."""
 vec10i = wp.types.vector(len(PAIRS), wp.int32)
 """Where those blocks are added: 2 b for place b, 2 b + 1 where the transposed one is added there."""
+Places = wp.array[vec10i]
 SYMMETRIC = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 """The numbers that are kept of the symmetric block of a corner with itself."""
 KEPT = 80
@@ -35,7 +38,7 @@ PLACES = (0, 24, 33, 42, 6, 51, 60, 12, 69, 18)
 
 
 @wp.func
-def add_gradient(gradient: wp.array2d(dtype=Any), slab: int, n: wp.vec4i, g0: Any, g1: Any, g2: Any, g3: Any):
+def add_gradient(gradient: wp.array2d[Any], slab: int, n: wp.vec4i, g0: Any, g1: Any, g2: Any, g3: Any):
     """Adds the gradients of the four corners to their nodes."""
     # atomic on CUDA alone: on the CPU a range has a slab of its own, and Warp's addition there is a plain one
     wp.atomic_add(gradient, slab, n[0], g0)
@@ -54,7 +57,7 @@ def with_corner_0(aa: Any, ab: Any, ac: Any, bb: Any, bc: Any, cc: Any):
 
 
 @wp.func
-def add_block(blocks: wp.array(dtype=Any), place: int, value: Any):
+def add_block(blocks: wp.array[Any], place: int, value: Any):
     """Adds a 3x3 block, or the transposed one, at a place; see `vec10i`."""
     if place % 2 == 1:
         value = wp.transpose(value)
@@ -72,16 +75,7 @@ def hessian_adder(scalar: type, cuda: bool) -> Any:
 
     @wp.func
     def add_hessian(
-        blocks: Any,
-        item: int,
-        t: int,
-        place_of: wp.array(dtype=vec10i),
-        aa: Any,
-        ab: Any,
-        ac: Any,
-        bb: Any,
-        bc: Any,
-        cc: Any,
+        blocks: Any, item: int, t: int, place_of: Places, aa: Any, ab: Any, ac: Any, bb: Any, bc: Any, cc: Any
     ):
         oo, oa, ob, oc = with_corner_0(aa, ab, ac, bb, bc, cc)
         if wp.static(cuda):
@@ -104,7 +98,7 @@ def hessian_adder(scalar: type, cuda: bool) -> Any:
 
 def block_sums_type(scalar: type, cuda: bool) -> Any:
     """The type of what `hessian_adder` adds to: blocks, or on CUDA what each tetrahedron keeps."""
-    return wp.array(dtype=scalar if cuda else wp.types.matrix((3, 3), scalar))
+    return wp.array[scalar if cuda else wp.types.matrix((3, 3), scalar)]
 
 
 def threads_over(blocks: int) -> int:
@@ -119,7 +113,7 @@ def block_storer(scalar: type):
     All threads of a warp must call it. Neighbouring threads swap half of what they keep, so that each pair writes
     whole sectors: in halves, they took the memory twice as long.
     """
-    mat33 = wp.types.matrix((3, 3), scalar)
+    mat33, Numbers = wp.types.matrix((3, 3), scalar), wp.array[scalar]
     pack, whole = ("float4", 4) if scalar is wp.float32 else ("double2", 2)  # 16 bytes
     numbers = [f"{block}.data[{a}][{b}]" for block in ("oo", "aa", "bb", "cc") for a, b in SYMMETRIC]
     numbers += [
@@ -149,7 +143,7 @@ def block_storer(scalar: type):
     }}
     """)
     def store_blocks(
-        parts: wp.array(dtype=scalar),
+        parts: Numbers,
         item: wp.int32,
         oo: mat33,
         oa: mat33,
@@ -169,6 +163,7 @@ def block_storer(scalar: type):
 @cache
 def gather_kernels(scalar: type) -> SimpleNamespace:
     """The kernel `gather` in one precision."""
+    Numbers = wp.array[scalar]
 
     @wp.func_native("""
     decltype(+*parts.data) sum = 0;
@@ -180,35 +175,28 @@ def gather_kernels(scalar: type) -> SimpleNamespace:
     return sum;
     """)
     def sum_of_parts(
-        parts: wp.array(dtype=scalar),
-        place: wp.array(dtype=wp.int32),
-        first: wp.int32,
-        end: wp.int32,
-        along: wp.int32,
-        across: wp.int32,
+        parts: Numbers, place: Ints, first: wp.int32, end: wp.int32, along: wp.int32, across: wp.int32
     ) -> scalar:
         """The sum of one number of several blocks; a place below 0 is that of a transposed one."""
         ...
 
     @wp.kernel(module=f"gather_{scalar.__name__}", enable_backward=False)
     def gather_kernel(
-        first: int,
-        end: int,
-        slab: int,
+        items: Items,
         blocks: int,
         symmetric: int,
-        start: wp.array(dtype=wp.int32),
-        place: wp.array(dtype=wp.int32),
-        block: wp.array(dtype=wp.int32),
-        mirrored: wp.array(dtype=wp.int32),
-        parts: wp.array(dtype=scalar),
-        numbers: wp.array(dtype=scalar),
+        start: Ints,
+        place: Ints,
+        block: Ints,
+        mirrored: Ints,
+        parts: Numbers,
+        numbers: Numbers,
     ):
         """Sets blocks to the sums of their parts, and those below the diagonal to the transposed ones.
 
         The `symmetric` first blocks gather such parts alone.
         """
-        item = first + wp.tid()
+        item = items.first + wp.tid()
         lane = item % WARP
         i = SHARED * (item // WARP) + lane // NUMBERS
         if lane < SHARED * NUMBERS and i < blocks:
@@ -227,21 +215,13 @@ def gather_kernels(scalar: type) -> SimpleNamespace:
 @cache
 def block_completer(scalar: type) -> wp.Kernel:
     """The kernel that completes blocks on the CPU, in one precision."""
+    Blocks = wp.array[wp.types.matrix((3, 3), scalar)]
 
     @wp.kernel(module=f"sums_{scalar.__name__}", enable_backward=False)
-    def complete_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        block: wp.array(dtype=wp.int32),
-        start: wp.array(dtype=wp.int32),
-        other: wp.array(dtype=wp.int32),
-        image: wp.array(dtype=wp.int32),
-        blocks: wp.array(dtype=wp.types.matrix((3, 3), scalar)),
-    ):
+    def complete_kernel(items: Items, block: Ints, start: Ints, other: Ints, image: Ints, blocks: Blocks):
         """Adds to blocks what other ranges have added at places of their own, and sets their images (-1: none)."""
-        i = first + wp.tid()
-        if i < end:
+        i = items.first + wp.tid()
+        if i < items.end:
             total = blocks[block[i]]
             for k in range(start[i], start[i + 1]):
                 total += blocks[other[k]]

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from .arguments import Doubles, Ints, Items, Sums, array_types
 from .native import native_kernel
 from .vectors import max_reducer, sum_reducer
 
@@ -47,25 +48,15 @@ BETA = f"""{TOTAL}
 
 
 @wp.func_native(TOTAL + "return total(products, row);")
-def total(products: wp.array2d(dtype=wp.float64), row: int, ranges: int) -> wp.float64: ...
+def total(products: Sums, row: int, ranges: int) -> wp.float64: ...
 
 
 @wp.func_native(ALPHA + "return alpha;")
-def find_alpha(
-    iteration: wp.array(dtype=wp.int32),
-    r_dot_z: wp.array2d(dtype=wp.float64),
-    p_dot_q: wp.array2d(dtype=wp.float64),
-    ranges: int,
-) -> wp.float64: ...
+def find_alpha(iteration: Ints, r_dot_z: Sums, p_dot_q: Sums, ranges: int) -> wp.float64: ...
 
 
 @wp.func_native(BETA + "return negative_curvature ? NAN : beta;")
-def find_beta(
-    iteration: wp.array(dtype=wp.int32),
-    r_dot_z: wp.array2d(dtype=wp.float64),
-    p_dot_q: wp.array2d(dtype=wp.float64),
-    ranges: int,
-) -> wp.float64: ...
+def find_beta(iteration: Ints, r_dot_z: Sums, p_dot_q: Sums, ranges: int) -> wp.float64: ...
 
 
 @cache
@@ -74,22 +65,16 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     steps."""
     add, keep_largest = sum_reducer(cuda), max_reducer(cuda)
     vec3 = wp.types.vector(3, scalar)
+    Numbers, Vectors, _ = array_types(scalar)
     module = f"conjugate_gradient_{scalar.__name__}_{'cuda' if cuda else 'cpu'}"
 
     @wp.kernel(module=module, enable_backward=False)
     def reset_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        r_dot_z: wp.array(dtype=wp.float64),
-        p_dot_q: wp.array(dtype=wp.float64),
-        iteration: wp.array(dtype=wp.int32),
-        outcome: wp.array(dtype=wp.float64),
-        running: wp.array(dtype=wp.int32),
+        items: Items, r_dot_z: Doubles, p_dot_q: Doubles, iteration: Ints, outcome: Doubles, running: Ints
     ):
         """Clears what the last solve left; one launch, because clearing each array costs a launch."""
-        i = first + wp.tid()
-        if i < end:
+        i = items.first + wp.tid()
+        if i < items.end:
             r_dot_z[i] = wp.float64(0.0)
             p_dot_q[i] = wp.float64(0.0)
         if i < outcome.shape[0]:
@@ -100,18 +85,11 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
 
     @wp.kernel(module=module, enable_backward=False)
     def start_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        gradient: wp.array(dtype=vec3),
-        solution: wp.array(dtype=vec3),
-        residual: wp.array(dtype=vec3),
-        search: wp.array(dtype=vec3),
-        earlier: wp.array(dtype=vec3),
+        items: Items, gradient: Vectors, solution: Vectors, residual: Vectors, search: Vectors, earlier: Vectors
     ):
         """Starts from zero: residual = -gradient (the one minus sign of Newton's method)."""
-        i = first + wp.tid()
-        if i < end:
+        i = items.first + wp.tid()
+        if i < items.end:
             residual[i] = -gradient[i]
             solution[i] = vec3()
             search[i] = vec3()
@@ -129,15 +107,7 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     """,
     )
     def update_search(
-        first: int,
-        end: int,
-        slab: int,
-        ranges: int,
-        iteration: wp.array(dtype=wp.int32),
-        r_dot_z: wp.array(dtype=wp.float64, ndim=2),
-        p_dot_q: wp.array(dtype=wp.float64, ndim=2),
-        preconditioned: wp.array(dtype=scalar),
-        search: wp.array(dtype=scalar),
+        ranges: int, iteration: Ints, r_dot_z: Sums, p_dot_q: Sums, preconditioned: Numbers, search: Numbers
     ):
         """p = z + beta p on the CPU; a direction of negative curvature is kept, for the host to go along it."""
 
@@ -157,56 +127,46 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     """,
     )
     def update_solution(
-        first: int,
-        end: int,
-        slab: int,
         ranges: int,
-        iteration: wp.array(dtype=wp.int32),
-        r_dot_z: wp.array(dtype=wp.float64, ndim=2),
-        p_dot_q: wp.array(dtype=wp.float64, ndim=2),
-        search: wp.array(dtype=scalar),
-        product: wp.array(dtype=scalar),
-        solution: wp.array(dtype=scalar),
-        residual: wp.array(dtype=scalar),
+        iteration: Ints,
+        r_dot_z: Sums,
+        p_dot_q: Sums,
+        search: Numbers,
+        product: Numbers,
+        solution: Numbers,
+        residual: Numbers,
     ):
         """x += alpha p, r -= alpha q on the CPU, but before the first iteration."""
 
     @wp.kernel(module=module, enable_backward=False)
-    def measure_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        solution: wp.array(dtype=vec3),
-        earlier: wp.array(dtype=vec3),
-        measures: wp.array(dtype=wp.float64, ndim=2),
-    ):
+    def measure_kernel(items: Items, solution: Vectors, earlier: Vectors, measures: Sums):
         """Longest vector of the solution and of its change since the last window, both squared [mm^2].
 
         The sum beside them shows what a maximum hides: NaN.
         """
-        i = first + wp.tid()
+        i = items.first + wp.tid()
         change = wp.float64(0.0)
         length = wp.float64(0.0)
-        if i < end:
+        if i < items.end:
             x = solution[i]
             change = wp.float64(wp.length_sq(x - earlier[i]))
             length = wp.float64(wp.length_sq(x))
             earlier[i] = x
-        add(measures, slab, SUM, length)
-        keep_largest(measures, slab, CHANGE, change)
-        keep_largest(measures, slab, LENGTH, length)
+        add(measures, items.slab, SUM, length)
+        keep_largest(measures, items.slab, CHANGE, change)
+        keep_largest(measures, items.slab, LENGTH, length)
 
     @wp.kernel(module=module, enable_backward=False)
     def test_convergence_kernel(
         ranges: int,
         most: int,
-        limits: wp.array(dtype=wp.float64),
-        r_dot_z: wp.array(dtype=wp.float64, ndim=2),
-        p_dot_q: wp.array(dtype=wp.float64, ndim=2),
-        iteration: wp.array(dtype=wp.int32),
-        measures: wp.array(dtype=wp.float64, ndim=2),
-        outcome: wp.array(dtype=wp.float64),
-        running: wp.array(dtype=wp.int32),
+        limits: Doubles,
+        r_dot_z: Sums,
+        p_dot_q: Sums,
+        iteration: Ints,
+        measures: Sums,
+        outcome: Doubles,
+        running: Ints,
     ):
         """Whether the solve continues: limits are an error [mm], a relative one, and least iterations.
 

@@ -11,12 +11,16 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from .arguments import Ints, Items, Sums, array_types
 from .conjugate_gradient import find_alpha
 from .native import KEEP_PRODUCT, four_types, native_kernel
 from .node_groups import MEMBERS
 from .vectors import lane_reducer, sum_reducer
 
 vec8i = wp.types.vector(8, wp.int32)
+Cells = wp.array[vec8i]
+Halves = wp.array[wp.float16]
+Singles = wp.array[wp.float32]
 CORNERS = 8
 """Corners of a cell."""
 KEPT = 0.999
@@ -28,30 +32,29 @@ vertices idle."""
 @cache
 def grid_matrix_kernels(scalar: type, lanes: int) -> SimpleNamespace:
     """The kernels that add up their matrices, in one precision; `lanes` items share a node's diagonal blocks."""
-    vec8 = wp.types.vector(8, scalar)
     mat33 = wp.types.matrix((3, 3), scalar)
+    _, _, Blocks = array_types(scalar)
+    Weights = wp.array[wp.types.vector(8, scalar)]
     by_corner = wp.types.matrix((24, 3), scalar)
     module = f"grid_matrices_{scalar.__name__}_{lanes}"
 
     @wp.kernel(module=module, enable_backward=False)
     def grid_diagonal_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        row_start: wp.array(dtype=wp.int32),
-        columns: wp.array(dtype=wp.int32),
-        blocks: wp.array(dtype=mat33),
-        vertex: wp.array(dtype=vec8i),
-        weight: wp.array(dtype=vec8),
-        diagonal: wp.array(dtype=mat33, ndim=2),
+        items: Items,
+        row_start: Ints,
+        columns: Ints,
+        blocks: Blocks,
+        vertex: Cells,
+        weight: Weights,
+        diagonal: wp.array2d[mat33],
     ):
         """Adds what the matrix row of one node, from its diagonal on, gives to the diagonal blocks of P^T H P.
 
         With CORNERS lanes each has a corner, and adds up before it adds to the grid: half a million atomics on
         the few vertices of a coarse grid took 0.9 ms.
         """
-        item = first + wp.tid()
-        if item < end:
+        item = items.first + wp.tid()
+        if item < items.end:
             i = item // lanes
             own = vertex[i]
             w = weight[i]
@@ -70,12 +73,12 @@ def grid_matrix_kernels(scalar: type, lanes: int) -> SimpleNamespace:
                                 if wp.static(lanes == CORNERS):
                                     total += v[m] * block
                                 else:
-                                    wp.atomic_add(diagonal, slab, own[k], (w[k] * v[m]) * block)
+                                    wp.atomic_add(diagonal, items.slab, own[k], (w[k] * v[m]) * block)
             if wp.static(lanes == CORNERS):
-                wp.atomic_add(diagonal, slab, own[item % lanes], w[item % lanes] * total)
+                wp.atomic_add(diagonal, items.slab, own[item % lanes], w[item % lanes] * total)
 
     @wp.func
-    def add_pair(matrix: wp.array3d(dtype=wp.float64), slab: int, u: int, v: int, block: mat33):
+    def add_pair(matrix: wp.array3d[wp.float64], slab: int, u: int, v: int, block: mat33):
         """Adds a block and its image to those of two vertices, where they are not below the diagonal."""
         row = 3 * wp.min(u, v)
         column = 3 * wp.max(u, v)
@@ -89,22 +92,20 @@ def grid_matrix_kernels(scalar: type, lanes: int) -> SimpleNamespace:
 
     @wp.kernel(module=module, enable_backward=False)
     def grid_matrix_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        row_start: wp.array(dtype=wp.int32),
-        columns: wp.array(dtype=wp.int32),
-        blocks: wp.array(dtype=mat33),
-        vertex: wp.array(dtype=vec8i),
-        weight: wp.array(dtype=vec8),
-        matrix: wp.array(dtype=wp.float64, ndim=3),
+        items: Items,
+        row_start: Ints,
+        columns: Ints,
+        blocks: Blocks,
+        vertex: Cells,
+        weight: Weights,
+        matrix: wp.array3d[wp.float64],
     ):
         """Adds what the matrix row of one node gives to P^T H P, dense: its blocks on and above the diagonal.
 
         Most neighbours are in the same cell: what they give is added up before it is spread over the cell.
         """
-        i = first + wp.tid()
-        if i < end:
+        i = items.first + wp.tid()
+        if i < items.end:
             own = vertex[i]
             w = weight[i]
             same = by_corner()
@@ -125,14 +126,14 @@ def grid_matrix_kernels(scalar: type, lanes: int) -> SimpleNamespace:
                     else:
                         for k in range(corners):
                             for m in range(8):
-                                add_pair(matrix, slab, own[k], other[m], (w[k] * v[m]) * block)
+                                add_pair(matrix, items.slab, own[k], other[m], (w[k] * v[m]) * block)
             for m in range(8):
                 block = mat33()
                 for a in range(3):
                     for b in range(3):
                         block[a, b] = same[3 * m + a, b]
                 for k in range(corners):
-                    add_pair(matrix, slab, own[k], own[m], w[k] * block)
+                    add_pair(matrix, items.slab, own[k], own[m], w[k] * block)
 
     return SimpleNamespace(
         grid_diagonal=grid_diagonal_kernel,
@@ -210,38 +211,26 @@ DENSE = """
 @cache
 def cpu_grid_kernels(scalar: type) -> SimpleNamespace:
     """The kernels `restrict`, `prolong` and `dense` of one grid on the CPU."""
-    vec3, vec8 = wp.types.vector(3, scalar), wp.types.vector(8, scalar)
-    mat33 = wp.types.matrix((3, 3), scalar)
+    Numbers, Vectors, Blocks = array_types(scalar)
+    Weights = wp.array[wp.types.vector(8, scalar)]
     types, module = four_types(scalar), f"cpu_grids_{scalar.__name__}"
 
     @native_kernel(module, types + RESTRICT)
-    def restrict(
-        first: int,
-        end: int,
-        slab: int,
-        row_start: wp.array(dtype=wp.int32),
-        point: wp.array(dtype=wp.int32),
-        weight: wp.array(dtype=scalar),
-        residual: wp.array(dtype=vec3),
-        coarse_residual: wp.array(dtype=vec3),
-    ):
+    def restrict(row_start: Ints, point: Ints, weight: Numbers, residual: Vectors, coarse_residual: Vectors):
         """P^T r: every grid vertex gathers the residual of the points it reaches."""
 
     @native_kernel(module, types + PROLONG + KEEP_PRODUCT)
     def prolong(
-        first: int,
-        end: int,
-        slab: int,
-        inverse_diagonal: wp.array(dtype=mat33),
-        vertex: wp.array(dtype=vec8i),
-        weight: wp.array(dtype=vec8),
-        coarse: wp.array(dtype=vec3),
-        member_of: wp.array(dtype=wp.int32),
-        group_correction: wp.array(dtype=vec3),
-        residual: wp.array(dtype=vec3),
-        correction: wp.array(dtype=vec3),
-        iteration: wp.array(dtype=wp.int32),
-        products: wp.array(dtype=wp.float64, ndim=2),
+        inverse_diagonal: Blocks,
+        vertex: Cells,
+        weight: Weights,
+        coarse: Vectors,
+        member_of: Ints,
+        group_correction: Vectors,
+        residual: Vectors,
+        correction: Vectors,
+        iteration: Ints,
+        products: Sums,
     ):
         """z = D^-1 r + P z_coarse, with r . z, kept by iteration, and on the nodes the groups' correction.
 
@@ -250,15 +239,12 @@ def cpu_grid_kernels(scalar: type) -> SimpleNamespace:
 
     @native_kernel(module, types + DENSE)
     def dense(
-        first: int,
-        end: int,
-        slab: int,
         size: int,
-        inverse: wp.array(dtype=wp.int16),
-        scale: wp.array(dtype=scalar),
-        residual: wp.array(dtype=scalar),
-        solution: wp.array(dtype=scalar),
-        iteration: wp.array(dtype=wp.int32),
+        inverse: wp.array[wp.int16],
+        scale: Numbers,
+        residual: Numbers,
+        solution: Numbers,
+        iteration: Ints,
     ):
         """S A S r of strips, A in parts of `WHOLE`: of each strip column after column.
 
@@ -308,9 +294,7 @@ for (int k = lane; k < matrix.shape[1] / 8; k += 32) {{
 }}
 return sum;
 """)
-def part_of_product(
-    matrix: wp.array2d(dtype=wp.float16), vector: wp.array(dtype=wp.float32), row: wp.int32, lane: wp.int32
-) -> wp.float32:
+def part_of_product(matrix: wp.array2d[wp.float16], vector: Singles, row: wp.int32, lane: wp.int32) -> wp.float32:
     """Contribution of one of ROW_LANES threads to a row of a product; it reads OCTET numbers at once, past the
     cache."""
     ...
@@ -324,7 +308,8 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
     """
     add, add_lanes, add_row = sum_reducer(True), lane_reducer(scalar), lane_reducer(wp.float32)
     vec3, vec4 = (wp.types.vector(size, scalar) for size in (3, 4))
-    mat33 = wp.types.matrix((3, 3), scalar)
+    Numbers, Vectors, Blocks = array_types(scalar)
+    Fours, Places = wp.array[vec4], wp.array[number]
     module = f"cuda_grids_{scalar.__name__}_{number.__name__}"
     corner, reads = ("unsigned short", 1) if number is wp.uint16 else ("int", 2)
     real = "float" if scalar is wp.float32 else "double"
@@ -352,9 +337,9 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
     return sum;
     """)
     def part_of_correction(
-        vertex: wp.array(dtype=number),
-        weight: wp.array(dtype=wp.float16),
-        coarse: wp.array(dtype=vec4),
+        vertex: Places,
+        weight: Halves,
+        coarse: Fours,
         grids: wp.int32,
         nodes: wp.int32,
         node: wp.int32,
@@ -385,12 +370,7 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
     return sum;
     """)
     def part_of_residual(
-        point: wp.array(dtype=number),
-        weight: wp.array(dtype=wp.float16),
-        residual: wp.array(dtype=vec4),
-        first: wp.int32,
-        end: wp.int32,
-        apart: wp.int32,
+        point: Places, weight: Halves, residual: Fours, first: wp.int32, end: wp.int32, apart: wp.int32
     ) -> vec3:
         """Contribution of one of `apart` threads to a weighted sum."""
         ...
@@ -411,21 +391,19 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
 
     @wp.kernel(module=module, enable_backward=False)
     def step_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        iteration: wp.array(dtype=wp.int32),
-        r_dot_z: wp.array(dtype=wp.float64, ndim=2),
-        p_dot_q: wp.array(dtype=wp.float64, ndim=2),
-        p: wp.array(dtype=scalar),
-        q: wp.array(dtype=scalar),
-        x: wp.array(dtype=scalar),
-        r: wp.array(dtype=scalar),
-        residual: wp.array(dtype=scalar),
+        items: Items,
+        iteration: Ints,
+        r_dot_z: Sums,
+        p_dot_q: Sums,
+        p: Numbers,
+        q: Numbers,
+        x: Numbers,
+        r: Numbers,
+        residual: Numbers,
     ):
         """x += alpha p and r -= alpha q but before the first iteration; a copy of r with four numbers a node."""
-        k = first + wp.tid()
-        if k < end:
+        k = items.first + wp.tid()
+        if k < items.end:
             own = r[k]
             if iteration[0] >= 0:
                 alpha = scalar(find_alpha(iteration, r_dot_z, p_dot_q, 1))
@@ -436,25 +414,23 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
 
     @wp.kernel(module=module, enable_backward=False)
     def restrict_kernel(
-        first: int,
-        end: int,
-        slab: int,
+        items: Items,
         coarsest: int,
         far: int,
-        row_start: wp.array(dtype=wp.int32),
-        point: wp.array(dtype=number),
-        weight: wp.array(dtype=wp.float16),
-        inverse_diagonal: wp.array(dtype=mat33),
-        scale: wp.array(dtype=wp.vec3f),
-        residual: wp.array(dtype=vec4),
-        group_of_member: wp.array(dtype=wp.int32),
-        first_of_group: wp.array(dtype=wp.int32),
-        start_of_group: wp.array(dtype=wp.int32),
-        node_of_member: wp.array(dtype=wp.int32),
-        inverse_of_group: wp.array(dtype=scalar),
-        group_correction: wp.array(dtype=vec3),
-        coarsest_residual: wp.array(dtype=wp.vec3f),
-        correction: wp.array(dtype=vec4),
+        row_start: Ints,
+        point: Places,
+        weight: Halves,
+        inverse_diagonal: Blocks,
+        scale: wp.array[wp.vec3f],
+        residual: Fours,
+        group_of_member: Ints,
+        first_of_group: Ints,
+        start_of_group: Ints,
+        node_of_member: Ints,
+        inverse_of_group: Numbers,
+        group_correction: Vectors,
+        coarsest_residual: wp.array[wp.vec3f],
+        correction: Fours,
     ):
         """P^T r, scaled for the `coarsest` first vertices, times D^-1 for the others.
 
@@ -462,7 +438,7 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         the members of `node_groups` after them, whose correction it finds: a launch for them alone took a sixth
         of an iteration.
         """
-        item = first + wp.tid()
+        item = items.first + wp.tid()
         blocks = coarsest * BLOCK_LANES
         warps = blocks + far * VERTEX_LANES
         lanes = wp.int32(FEW_LANES)
@@ -476,11 +452,11 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         begin = wp.int32(0)
         stop = wp.int32(0)
         m = v - (row_start.shape[0] - 1)
-        if item < end and m < 0:
+        if item < items.end and m < 0:
             begin = row_start[v] + item % lanes
             stop = row_start[v + 1]
         total = part_of_residual(point, weight, residual, begin, stop, lanes)
-        if item < end and m >= 0:
+        if item < items.end and m >= 0:
             group = group_of_member[m]
             size = 3 * (first_of_group[group + 1] - first_of_group[group])
             k = item % lanes
@@ -498,7 +474,7 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         total = vec3(add_lanes(total[0], near), add_lanes(total[1], near), add_lanes(total[2], near))
         if item < blocks:
             total = add_warps(total)
-        if item < end and item % lanes == 0:
+        if item < items.end and item % lanes == 0:
             if m >= 0:
                 group_correction[m] = total
             elif v < coarsest:
@@ -510,57 +486,53 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
 
     @wp.kernel(module=module, enable_backward=False)
     def dense_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        inverse: wp.array(dtype=wp.float16, ndim=2),
-        scale: wp.array(dtype=wp.float32),
-        residual: wp.array(dtype=wp.float32),
-        correction: wp.array(dtype=scalar),
-        iteration: wp.array(dtype=wp.int32),
+        items: Items,
+        inverse: wp.array2d[wp.float16],
+        scale: Singles,
+        residual: Singles,
+        correction: Numbers,
+        iteration: Ints,
     ):
         """The product with a dense inverse. It counts the iteration, too, because here its number is not read."""
-        item = first + wp.tid()
+        item = items.first + wp.tid()
         row = item // ROW_LANES
         value = wp.float32(0.0)
-        if item < end:
+        if item < items.end:
             value = part_of_product(inverse, residual, row, item % ROW_LANES)
         value = add_row(value, ROW_LANES)
-        if item < end and item % ROW_LANES == 0:
+        if item < items.end and item % ROW_LANES == 0:
             correction[4 * (row // 3) + row % 3] = scalar(scale[row] * value)
         if item == 0:
             iteration[0] = iteration[0] + 1
 
     @wp.kernel(module=module, enable_backward=False)
     def prolong_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        inverse_diagonal: wp.array(dtype=scalar),
-        vertex: wp.array(dtype=number),
-        weight: wp.array(dtype=wp.float16),
-        coarse: wp.array(dtype=vec4),
-        member_of: wp.array(dtype=wp.int32),
-        group_correction: wp.array(dtype=scalar),
-        residual: wp.array(dtype=vec4),
-        iteration: wp.array(dtype=wp.int32),
-        z: wp.array(dtype=scalar),
-        r_dot_z: wp.array(dtype=wp.float64, ndim=2),
+        items: Items,
+        inverse_diagonal: Numbers,
+        vertex: Places,
+        weight: Halves,
+        coarse: Fours,
+        member_of: Ints,
+        group_correction: Numbers,
+        residual: Fours,
+        iteration: Ints,
+        z: Numbers,
+        r_dot_z: Sums,
     ):
         """z = D^-1 r + the groups' correction + the sum of P z_coarse over all grids, and r . z, by iteration."""
-        item = first + wp.tid()
+        item = items.first + wp.tid()
         i = item // NODE_LANES
         c = item % NODE_LANES
         k = 3 * i + c
         total = vec3()
-        if item < end:
-            nodes = end // NODE_LANES
+        if item < items.end:
+            nodes = items.end // NODE_LANES
             total = part_of_correction(vertex, weight, coarse, vertex.shape[0] // (CORNERS * nodes), nodes, i, c)
         total = vec3(
             add_lanes(total[0], NODE_LANES), add_lanes(total[1], NODE_LANES), add_lanes(total[2], NODE_LANES)
         )
         value = wp.float64(0.0)
-        if item < end and c < 3:
+        if item < items.end and c < 3:
             own = residual[i]
             corrected = wp.where(c == 0, total[0], wp.where(c == 1, total[1], total[2]))
             for n in range(3):

@@ -6,6 +6,8 @@ from typing import Any
 
 import warp as wp
 
+from .arguments import Items
+
 FOUR_TYPES = """
     typedef REAL real;
     typedef real four __attribute__((vector_size(4 * sizeof(real))));
@@ -28,20 +30,20 @@ class NativeKernel(wp.Kernel):
 
 
 def native_kernel(module: str, code: str) -> Callable[[Any], NativeKernel]:
-    """Makes a kernel of a stub, which names the arguments that the C++ code reads.
+    """Makes a kernel of a stub, which names the arguments that the C++ code reads after `first`, `end` and `slab`.
 
     On the CPU `first` begins the range; on CUDA it is the item.
     """
 
     def decorate(stub: Any) -> NativeKernel:
-        first, *others = stub.__annotations__
-        rest = ", ".join(others)
-        kernel = FunctionType(
-            stub.__code__, {**stub.__globals__, "run": wp.func_native(code)(stub)}, stub.__name__
-        )
-        kernel.__annotations__, kernel.__module__ = stub.__annotations__, stub.__module__
+        given = stub.__annotations__
+        stub.__annotations__ = {"first": int, "end": int, "slab": int, **given}
+        names = {**stub.__globals__, "run": wp.func_native(code)(stub)}
+        kernel = FunctionType(stub.__code__, names, stub.__name__)
+        kernel.__annotations__, kernel.__module__ = {"items": Items, **given}, stub.__module__
         kernel.__qualname__ = f"{stub.__qualname__}_kernel"
-        body = f"def kernel({first}, {rest}):\n    run({first} + wp.tid(), {rest})"
+        others = ", ".join(given)
+        body = f"def kernel(items, {others}):\n    run(items.first + wp.tid(), items.end, items.slab, {others})"
         options = {"enable_backward": False}
         return NativeKernel(kernel, module=wp.get_module(module), options=options, source=body)
 

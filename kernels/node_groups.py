@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from .arguments import Ints, array_types
 from .native import native_kernel
 
 MEMBERS = 8
@@ -110,36 +111,25 @@ CORRECT_ON_CPU = f"""
 @cache
 def node_group_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     """The kernels `invert`, which has WARP items a group on CUDA, and, on the CPU, `correct` in one precision."""
-    vec3, mat33 = wp.types.vector(3, scalar), wp.types.matrix((3, 3), scalar)
+    Numbers, Vectors, Blocks = array_types(scalar)
     module = f"node_groups_{scalar.__name__}_{'cuda' if cuda else 'cpu'}"
     real = f"typedef {'float' if scalar is wp.float32 else 'double'} real;\n"
 
     @native_kernel(module, real + (INVERT_ON_CUDA if cuda else INVERT_ON_CPU))
     def invert(
-        first: int,
-        end: int,
-        slab: int,
-        first_of: wp.array(dtype=wp.int32),
-        start: wp.array(dtype=wp.int32),
-        nodes: wp.array(dtype=wp.int32),
-        block_of: wp.array(dtype=wp.int32),
-        blocks: wp.array(dtype=mat33),
-        inverse_diagonal: wp.array(dtype=mat33),
-        inverse: wp.array(dtype=scalar),
+        first_of: Ints,
+        start: Ints,
+        nodes: Ints,
+        block_of: Ints,
+        blocks: Blocks,
+        inverse_diagonal: Blocks,
+        inverse: Numbers,
     ):
         """The inverse of each group's block, less the inverses of its nodes' own blocks."""
 
     @native_kernel(module, real + CORRECT_ON_CPU)
     def correct(
-        first: int,
-        end: int,
-        slab: int,
-        first_of: wp.array(dtype=wp.int32),
-        start: wp.array(dtype=wp.int32),
-        nodes: wp.array(dtype=wp.int32),
-        inverse: wp.array(dtype=scalar),
-        residual: wp.array(dtype=vec3),
-        correction: wp.array(dtype=vec3),
+        first_of: Ints, start: Ints, nodes: Ints, inverse: Numbers, residual: Vectors, correction: Vectors
     ):
         """That matrix times the residual of the members of each group, on the CPU."""
 

@@ -11,7 +11,8 @@ from typing import Any
 
 import warp as wp
 
-from .assembly import BENDING, add_gradient, block_sums_type, hessian_adder, vec10i
+from .arguments import Corners, Items, Sums, array_types
+from .assembly import BENDING, Places, add_gradient, block_sums_type, hessian_adder
 from .vectors import sum_reducer
 
 
@@ -88,25 +89,24 @@ def angle_change(angle: Any, rest_angle: Any):
 def skin_bending_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     """The kernels `gradient`, `projected_hessian` (made positive) and `hessian` in one precision."""
     add, add_hessian, blocks_type = sum_reducer(cuda), hessian_adder(scalar, cuda), block_sums_type(scalar, cuda)
-    vec3 = wp.types.vector(3, scalar)
+    Numbers, Vectors, _ = array_types(scalar)
+    Edges = Slabs = wp.array2d[wp.types.vector(3, scalar)]
     module = f"skin_bending_{scalar.__name__}_{'cuda' if cuda else 'cpu'}"
 
     @wp.kernel(module=module, enable_backward=False)
     def gradient_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        hinges: wp.array(dtype=wp.vec4i),
-        rest_edge: wp.array(dtype=vec3, ndim=2),
-        rest_angle: wp.array(dtype=scalar),
-        stiffness: wp.array(dtype=scalar),
-        displacement: wp.array(dtype=vec3),
-        gradient: wp.array(dtype=vec3, ndim=2),
-        sums: wp.array(dtype=wp.float64, ndim=2),
+        items: Items,
+        hinges: Corners,
+        rest_edge: Edges,
+        rest_angle: Numbers,
+        stiffness: Numbers,
+        displacement: Vectors,
+        gradient: Slabs,
+        sums: Sums,
     ):
-        h = first + wp.tid()
+        h = items.first + wp.tid()
         energy = scalar(0.0)
-        if h < end:
+        if h < items.end:
             n = hinges[h]
             u = displacement[n[0]]
             a = rest_edge[h, 0] + (displacement[n[1]] - u)
@@ -116,26 +116,24 @@ def skin_bending_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
             energy = stiffness[h] * change * change
             moment = (stiffness[h] + stiffness[h]) * change
             ga, gb, gc = hinge_gradient(a, b, c)
-            add_gradient(gradient, slab, n, -moment * (ga + gb + gc), moment * ga, moment * gb, moment * gc)
-        add(sums, slab, BENDING, wp.float64(energy))
+            add_gradient(gradient, items.slab, n, -moment * (ga + gb + gc), moment * ga, moment * gb, moment * gc)
+        add(sums, items.slab, BENDING, wp.float64(energy))
 
     def make_hessian(positive: bool) -> wp.Kernel:
         @wp.kernel(module=module, enable_backward=False)
         def hessian_kernel(
-            first: int,
-            end: int,
-            slab: int,
-            hinges: wp.array(dtype=wp.vec4i),
-            rest_edge: wp.array(dtype=vec3, ndim=2),
-            rest_angle: wp.array(dtype=scalar),
-            stiffness: wp.array(dtype=scalar),
+            items: Items,
+            hinges: Corners,
+            rest_edge: Edges,
+            rest_angle: Numbers,
+            stiffness: Numbers,
             tets: int,
-            place_of: wp.array(dtype=vec10i),
-            displacement: wp.array(dtype=vec3),
+            place_of: Places,
+            displacement: Vectors,
             blocks: blocks_type,
         ):
-            item = first + wp.tid()
-            h = wp.min(item, end - 1)  # all threads of a warp store together, those past the end as well
+            item = items.first + wp.tid()
+            h = wp.min(item, items.end - 1)  # all threads of a warp store together, those past the end as well
             n = hinges[h]
             u = displacement[n[0]]
             a = rest_edge[h, 0] + (displacement[n[1]] - u)

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from .arguments import Ints, Items, Sums, array_types
 from .conjugate_gradient import find_beta
 from .native import KEEP_PRODUCT, four_types, native_kernel
 from .vectors import lane_reducer, sum_reducer
@@ -57,21 +58,13 @@ MULTIPLY = """
 @cache
 def diagonal_inverter(scalar: type) -> wp.Kernel:
     """The kernel of the inverse diagonal for both devices, in one precision."""
-    mat33 = wp.types.matrix((3, 3), scalar)
+    _, _, Blocks = array_types(scalar)
 
     @wp.kernel(module=f"sparse_{scalar.__name__}", enable_backward=False)
-    def invert_diagonal_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        diagonal: wp.array(dtype=wp.int32),
-        blocks: wp.array(dtype=mat33),
-        factor: scalar,
-        inverse: wp.array(dtype=mat33),
-    ):
+    def invert_diagonal_kernel(items: Items, diagonal: Ints, blocks: Blocks, factor: scalar, inverse: Blocks):
         """factor D^-1; each block is shifted by a millionth of its trace so that a flat one has an inverse."""
-        i = first + wp.tid()
-        if i < end:
+        i = items.first + wp.tid()
+        if i < items.end:
             block = blocks[diagonal[i]]
             shift = scalar(1.0e-6) * wp.trace(block) + scalar(1.0e-30)
             inverse[i] = factor * wp.inverse(block + shift * wp.identity(n=3, dtype=scalar))
@@ -82,22 +75,19 @@ def diagonal_inverter(scalar: type) -> wp.Kernel:
 @cache
 def cpu_product_kernel(scalar: type) -> wp.Kernel:
     """The kernel of q = A p on the CPU, in one precision."""
-    vec3, vec4 = wp.types.vector(3, scalar), wp.types.vector(4, scalar)
-    mat33 = wp.types.matrix((3, 3), scalar)
+    _, Vectors, Blocks = array_types(scalar)
+    Fours = wp.array[wp.types.vector(4, scalar)]
 
     @native_kernel(f"cpu_product_{scalar.__name__}", four_types(scalar) + MULTIPLY + KEEP_PRODUCT)
     def multiply(
-        first: int,
-        end: int,
-        slab: int,
-        row_start: wp.array(dtype=wp.int32),
-        columns: wp.array(dtype=wp.int32),
-        blocks: wp.array(dtype=mat33),
-        iteration: wp.array(dtype=wp.int32),
-        p: wp.array(dtype=vec3),
-        q: wp.array(dtype=vec3),
-        products: wp.array(dtype=wp.float64, ndim=2),
-        carried: wp.array(dtype=vec4),
+        row_start: Ints,
+        columns: Ints,
+        blocks: Blocks,
+        iteration: Ints,
+        p: Vectors,
+        q: Vectors,
+        products: Sums,
+        carried: Fours,
     ):
         """q = A p, and the part of p . q that this range holds, kept by iteration.
 
@@ -112,21 +102,15 @@ def cpu_product_kernel(scalar: type) -> wp.Kernel:
 def cuda_product_kernels(scalar: type) -> SimpleNamespace:
     """The kernels `split_planes` and `update_search_and_multiply` in one precision."""
     add, add_lanes = sum_reducer(True), lane_reducer(scalar)
-    vec3 = wp.types.vector(3, scalar)
-    mat33 = wp.types.matrix((3, 3), scalar)
+    vec3, Planes = wp.types.vector(3, scalar), wp.array2d[scalar]
+    Numbers, Vectors, Blocks = array_types(scalar)
     module = f"cuda_product_{scalar.__name__}"
 
     @wp.kernel(module=module, enable_backward=False)
-    def split_planes_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        blocks: wp.array(dtype=mat33),
-        planes: wp.array(dtype=scalar, ndim=2),
-    ):
+    def split_planes_kernel(items: Items, blocks: Blocks, planes: Planes):
         """Copies the numbers of the blocks into their planes."""
-        i = first + wp.tid()
-        if i < end:
+        i = items.first + wp.tid()
+        if i < items.end:
             block = blocks[i]
             for n in range(PLANES):
                 planes[n, i] = block[n // 3, n % 3]
@@ -149,43 +133,35 @@ def cuda_product_kernels(scalar: type) -> SimpleNamespace:
     }}
     return sum;
     """)
-    def part_of_row(
-        planes: wp.array(dtype=scalar, ndim=2),
-        columns: wp.array(dtype=wp.int32),
-        vectors: wp.array(dtype=vec3),
-        first: wp.int32,
-        end: wp.int32,
-    ) -> vec3:
+    def part_of_row(planes: Planes, columns: Ints, vectors: Vectors, first: wp.int32, end: wp.int32) -> vec3:
         """Contribution of one of LANES threads to the product of a row, from its first block on."""
         ...
 
     @wp.kernel(module=module, enable_backward=False)
     def update_search_and_multiply_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        row_start: wp.array(dtype=wp.int32),
-        columns: wp.array(dtype=wp.int32),
-        planes: wp.array(dtype=scalar, ndim=2),
-        iteration: wp.array(dtype=wp.int32),
-        r_dot_z: wp.array(dtype=wp.float64, ndim=2),
-        z: wp.array(dtype=vec3),
-        numbers_of_z: wp.array(dtype=scalar),
-        p: wp.array(dtype=scalar),
-        q: wp.array(dtype=scalar),
-        p_dot_q: wp.array(dtype=wp.float64, ndim=2),
+        items: Items,
+        row_start: Ints,
+        columns: Ints,
+        planes: Planes,
+        iteration: Ints,
+        r_dot_z: Sums,
+        z: Vectors,
+        numbers_of_z: Numbers,
+        p: Numbers,
+        q: Numbers,
+        p_dot_q: Sums,
     ):
         """p = z + beta p and q = A p, which is A z + beta q, with p . q, in one launch; see `find_beta`."""
-        item = first + wp.tid()
+        item = items.first + wp.tid()
         i = item // LANES
         c = item % LANES
         j = iteration[0]
         along = vec3()
-        if item < end:
+        if item < items.end:
             along = part_of_row(planes, columns, z, row_start[i] + c, row_start[i + 1])
         along = vec3(add_lanes(along[0], LANES), add_lanes(along[1], LANES), add_lanes(along[2], LANES))
         product = wp.float64(0.0)
-        if item < end and c < 3:
+        if item < items.end and c < 3:
             k = 3 * i + c
             own = wp.where(c == 0, along[0], wp.where(c == 1, along[1], along[2]))
             beta = find_beta(iteration, r_dot_z, p_dot_q, 1)

@@ -8,12 +8,12 @@ wp.set_module_options({"enable_backward": False})
 @wp.kernel
 def spline_displacement(
     first: wp.int32,
-    points: wp.array(dtype=wp.vec3d),
-    centres: wp.array(dtype=wp.vec3d),
-    weights: wp.array(dtype=wp.vec3d),
+    points: wp.array[wp.vec3d],
+    centres: wp.array[wp.vec3d],
+    weights: wp.array[wp.vec3d],
     constant: wp.vec3d,
     linear: wp.mat33d,
-    displacement: wp.array(dtype=wp.vec3d),
+    displacement: wp.array[wp.vec3d],
 ):
     """u(x) = a + B x + sum_i w_i |x - c_i|."""
     p = first + wp.tid()
@@ -26,11 +26,11 @@ def spline_displacement(
 
 @wp.kernel
 def spline_gradient(
-    points: wp.array(dtype=wp.vec3d),
-    centres: wp.array(dtype=wp.vec3d),
-    weights: wp.array(dtype=wp.vec3d),
+    points: wp.array[wp.vec3d],
+    centres: wp.array[wp.vec3d],
+    weights: wp.array[wp.vec3d],
     linear: wp.mat33d,
-    gradient: wp.array(dtype=wp.mat33d),
+    gradient: wp.array[wp.mat33d],
 ):
     """du/dx = B + sum_i w_i (x - c_i)^T / |x - c_i|; a centre gives nothing at itself, where r has a kink."""
     p = wp.tid()

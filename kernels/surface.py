@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import warp as wp
 
+from .arguments import Doubles, Ints
+
 
 @wp.kernel(enable_backward=False)
 def signed_distance(
     first: wp.int32,
     mesh: wp.uint64,
-    points: wp.array(dtype=wp.vec3),
+    points: wp.array[wp.vec3],
     reach: wp.float32,
-    distance: wp.array(dtype=wp.float32),
-    face: wp.array(dtype=wp.int32),
-    nearest: wp.array(dtype=wp.vec3),
+    distance: wp.array[wp.float32],
+    face: Ints,
+    nearest: wp.array[wp.vec3],
 ):
     """Distance [mm], negative inside, the nearest triangle and point; NaN and -1 farther away than `reach`.
 
@@ -33,11 +35,7 @@ def signed_distance(
 
 @wp.kernel(enable_backward=False)
 def nearest_on_mesh(
-    mesh: wp.uint64,
-    points: wp.array(dtype=wp.vec3),
-    reach: wp.float32,
-    face: wp.array(dtype=wp.int32),
-    weights: wp.array(dtype=wp.vec3),
+    mesh: wp.uint64, points: wp.array[wp.vec3], reach: wp.float32, face: Ints, weights: wp.array[wp.vec3]
 ):
     """The nearest triangle and the weights of its three corners; face -1 where none is within `reach`."""
     i = wp.tid()
@@ -59,8 +57,8 @@ def first_hit(
     down: wp.vec3,
     forward: wp.vec3,
     reach: wp.float32,
-    face: wp.array2d(dtype=wp.int32),
-    weights: wp.array2d(dtype=wp.vec3),
+    face: wp.array2d[wp.int32],
+    weights: wp.array2d[wp.vec3],
 ):
     """For each pixel, row after row, the face its ray meets first, -1 for none, and its corners' weights there.
 
@@ -103,19 +101,13 @@ def pierces(p: wp.vec3d, q: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, sla
 
 
 @wp.func
-def has_corner(faces: wp.array(dtype=wp.int32), g: wp.int32, v: wp.int32) -> wp.bool:
+def has_corner(faces: Ints, g: wp.int32, v: wp.int32) -> wp.bool:
     """Whether a vertex is a corner of face g."""
     return faces[3 * g] == v or faces[3 * g + 1] == v or faces[3 * g + 2] == v
 
 
 @wp.func
-def meets(
-    vertices: wp.array(dtype=wp.vec3d),
-    faces: wp.array(dtype=wp.int32),
-    f: wp.int32,
-    g: wp.int32,
-    slack: wp.float64,
-) -> wp.bool:
+def meets(vertices: wp.array[wp.vec3d], faces: Ints, f: wp.int32, g: wp.int32, slack: wp.float64) -> wp.bool:
     """Whether an edge of face f that shares no corner with face g passes through g."""
     a = vertices[faces[3 * g]]
     b = vertices[faces[3 * g + 1]]
@@ -130,7 +122,7 @@ def meets(
 
 
 @wp.func
-def box_of(vertices: wp.array(dtype=wp.vec3d), faces: wp.array(dtype=wp.int32), f: wp.int32):
+def box_of(vertices: wp.array[wp.vec3d], faces: Ints, f: wp.int32):
     """Lower and upper corner of the box of a face, a little larger than it."""
     a = vertices[faces[3 * f]]
     b = vertices[faces[3 * f + 1]]
@@ -142,12 +134,7 @@ def box_of(vertices: wp.array(dtype=wp.vec3d), faces: wp.array(dtype=wp.int32), 
 
 @wp.kernel(enable_backward=False)
 def crossing_faces(
-    first: wp.int32,
-    mesh: wp.uint64,
-    vertices: wp.array(dtype=wp.vec3d),
-    faces: wp.array(dtype=wp.int32),
-    slack: wp.float64,
-    crossed: wp.array(dtype=wp.int32),
+    first: wp.int32, mesh: wp.uint64, vertices: wp.array[wp.vec3d], faces: Ints, slack: wp.float64, crossed: Ints
 ):
     """For each face, a face that one of its edges passes through and has no corner of, or -1.
 
@@ -171,12 +158,7 @@ LEAST_SHAPE = wp.constant(wp.float64(0.3))
 
 
 @wp.kernel(enable_backward=False)
-def sort_corners(
-    faces: wp.array(dtype=wp.int32, ndim=2),
-    place: wp.array(dtype=wp.int32),
-    second: wp.array(dtype=wp.int32),
-    face: wp.array(dtype=wp.int32),
-):
+def sort_corners(faces: wp.array2d[wp.int32], place: Ints, second: Ints, face: Ints):
     """Puts the directed edges of faces in order of their first vertices; one item, `place` begins as `start`."""
     for f in range(faces.shape[0]):
         for c in range(3):
@@ -188,12 +170,7 @@ def sort_corners(
 
 
 @wp.kernel(enable_backward=False)
-def edge_lengths(
-    start: wp.array(dtype=wp.int32),
-    second: wp.array(dtype=wp.int32),
-    vertices: wp.array(dtype=wp.vec3d),
-    length: wp.array(dtype=wp.float64),
-):
+def edge_lengths(start: Ints, second: Ints, vertices: wp.array[wp.vec3d], length: Doubles):
     """Length of every edge, at that of its directions which leads to the higher number; infinite at the other."""
     v = wp.tid()
     for k in range(start[v], start[v + 1]):
@@ -203,13 +180,7 @@ def edge_lengths(
 
 
 @wp.kernel(enable_backward=False)
-def least_around(
-    start: wp.array(dtype=wp.int32),
-    second: wp.array(dtype=wp.int32),
-    value: wp.array(dtype=wp.float64),
-    asked: wp.array(dtype=wp.bool),
-    least: wp.array(dtype=wp.float64),
-):
+def least_around(start: Ints, second: Ints, value: Doubles, asked: wp.array[wp.bool], least: Doubles):
     """The least value at a vertex and its neighbours, where it is asked for."""
     v = wp.tid()
     if not asked[v]:
@@ -238,16 +209,16 @@ def fits(before: wp.vec3d, i: wp.vec3d, j: wp.vec3d, k: wp.vec3d, longest: wp.fl
 
 @wp.kernel(enable_backward=False)
 def allowed_collapses(
-    edges: wp.array(dtype=wp.vec2i),
-    targets: wp.array(dtype=wp.vec3d),
-    start: wp.array(dtype=wp.int32),
-    second: wp.array(dtype=wp.int32),
-    face: wp.array(dtype=wp.int32),
-    faces: wp.array(dtype=wp.int32, ndim=2),
-    vertices: wp.array(dtype=wp.vec3d),
+    edges: wp.array[wp.vec2i],
+    targets: wp.array[wp.vec3d],
+    start: Ints,
+    second: Ints,
+    face: Ints,
+    faces: wp.array2d[wp.int32],
+    vertices: wp.array[wp.vec3d],
     longest: wp.float64,
     sliver: wp.float64,
-    allowed: wp.array(dtype=wp.bool),
+    allowed: wp.array[wp.bool],
 ):
     """Whether an edge may become its target: the surface stays a 2-manifold and its triangles stay in shape.
 

@@ -6,6 +6,7 @@ code, so that no signal handler, interpreter lock or other thread of Python come
 
 import warp as wp
 
+from .arguments import Doubles, Items
 from .native import native_kernel
 
 LINE = 8
@@ -89,39 +90,33 @@ SERVE = """
             add(busy, -1);
             return;
         }
-        run_steps(range);
+        run_steps(slab);
         add(busy, -1);
     }
 """
 
 
+Board = wp.array[wp.int64]
+
+
 @native_kernel("team", BOARD + CALL)
-def call_kernel(
-    range: int,
-    board: wp.array(dtype=wp.int64),
-    threads: wp.int32,
-    system_call: wp.uint64,
-    program: wp.uint64,
-    steps: wp.int64,
-):
+def call_kernel(board: Board, threads: wp.int32, system_call: wp.uint64, program: wp.uint64, steps: wp.int64):
     """Has a team run a program, this thread range 0 of it; less than no steps end the team."""
 
 
 @native_kernel("team", BOARD + SERVE)
-def serve_kernel(range: int, board: wp.array(dtype=wp.int64), threads: wp.int32, system_call: wp.uint64):
-    """Runs a range of every program until the team ends."""
+def serve_kernel(board: Board, threads: wp.int32, system_call: wp.uint64):
+    """Runs the range `slab` of every program until the team ends."""
 
 
 @native_kernel("team", "for (long i = first; i < end; ++i) values.data[i] = 0;")
-def clear_kernel(first: int, end: int, slab: int, values: wp.array(dtype=wp.uint8)):
+def clear_kernel(values: wp.array[wp.uint8]):
     """Sets bytes to zero."""
 
 
 @wp.kernel(enable_backward=False)
-def copy_to_host_kernel(
-    first: int, end: int, slab: int, values: wp.array(dtype=wp.float64), host: wp.array(dtype=wp.float64)
-):
+def copy_to_host_kernel(items: Items, values: Doubles, host: Doubles):
     """Copies the values."""
-    i = first + wp.tid()
-    if i < end:
+    i = items.first + wp.tid()
+    if i < items.end:
         host[i] = values[i]

@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from .arguments import Doubles, Ints
+
 LEAST_GAIN = wp.constant(wp.float64(1.0e-3))
 """A node is moved where the worst tetrahedron at it gets better by more than this."""
 
@@ -20,7 +22,7 @@ def mean_ratio(i: wp.vec3d, j: wp.vec3d, k: wp.vec3d, m: wp.vec3d) -> wp.float64
 
 
 @wp.kernel(enable_backward=False)
-def mean_ratios(corners: wp.array(dtype=wp.vec3d, ndim=2), quality: wp.array(dtype=wp.float64)):
+def mean_ratios(corners: wp.array2d[wp.vec3d], quality: Doubles):
     """Quality of tetrahedra by their corners."""
     t = wp.tid()
     quality[t] = mean_ratio(corners[t, 0], corners[t, 1], corners[t, 2], corners[t, 3])
@@ -28,7 +30,7 @@ def mean_ratios(corners: wp.array(dtype=wp.vec3d, ndim=2), quality: wp.array(dty
 
 @wp.func
 def quality_with(
-    tets: wp.array(dtype=wp.vec4i), nodes: wp.array(dtype=wp.vec3d), tet: wp.int32, node: wp.int32, place: wp.vec3d
+    tets: wp.array[wp.vec4i], nodes: wp.array[wp.vec3d], tet: wp.int32, node: wp.int32, place: wp.vec3d
 ) -> wp.float64:
     """Quality of a tetrahedron with one of its nodes at another place."""
     n = tets[tet]
@@ -49,17 +51,17 @@ def quality_with(
 
 @wp.kernel(enable_backward=False)
 def move_nodes(
-    turns: wp.array(dtype=wp.int32),
+    turns: Ints,
     goal: wp.float64,
-    tets: wp.array(dtype=wp.vec4i),
-    start: wp.array(dtype=wp.int32),
-    star: wp.array(dtype=wp.int32),
-    around: wp.array(dtype=wp.vec3d),
-    reach: wp.array(dtype=wp.float64),
-    given: wp.array(dtype=wp.vec3d),
-    moved: wp.array(dtype=wp.vec3d),
-    quality: wp.array(dtype=wp.float64),
-    moves: wp.array(dtype=wp.int32),
+    tets: wp.array[wp.vec4i],
+    start: Ints,
+    star: Ints,
+    around: wp.array[wp.vec3d],
+    reach: Doubles,
+    given: wp.array[wp.vec3d],
+    moved: wp.array[wp.vec3d],
+    quality: Doubles,
+    moves: Ints,
 ):
     """Gives the nodes in `turns` their turns; one item, because each sees where those before it went.
 

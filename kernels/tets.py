@@ -14,15 +14,16 @@ from typing import Any
 
 import warp as wp
 
+from .arguments import Corners, Flags, Items, Sums, array_types, filled
 from .assembly import (
     FIRST_TERM,
     INVERTED,
     NEWLY_INVERTED,
     PAIRS,
+    Places,
     add_gradient,
     block_sums_type,
     hessian_adder,
-    vec10i,
     with_corner_0,
 )
 from .native import native_kernel
@@ -73,10 +74,7 @@ class TetFormulas:
 
     def bundle(self, energy: Any) -> Any:
         """The struct of the arrays that an energy has by the fields' names."""
-        elements = self.elements()
-        for name in self.fields:
-            setattr(elements, name, getattr(energy, name))
-        return elements
+        return filled(self.elements, **{name: getattr(energy, name) for name in self.fields})
 
 
 def struct_of(fields: Mapping[str, Field]) -> Any:
@@ -116,29 +114,28 @@ def _gradient(formulas: TetFormulas, cuda: bool) -> wp.Kernel:
     module = f"{formulas.name}_items_{'cuda' if cuda else 'cpu'}"
     used = max(formulas.columns) + 1
     add, sums_type = sums_reducer(cuda, used), wp.types.vector(used, wp.float64)
-    vec3 = wp.types.vector(3, scalar)
+    _, Vectors, _ = array_types(scalar)
+    Slabs = wp.array2d[wp.types.vector(3, scalar)]
 
     @wp.kernel(module=module, enable_backward=False)
     def gradient_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        tets: wp.array(dtype=wp.vec4i),
+        items: Items,
+        tets: Corners,
         elements: elements_type,
-        inverted_before: wp.array(dtype=wp.int8),
-        displacement: wp.array(dtype=vec3),
-        gradient: wp.array(dtype=vec3, ndim=2),
-        inverted: wp.array(dtype=wp.int8),
-        sums: wp.array(dtype=wp.float64, ndim=2),
+        inverted_before: Flags,
+        displacement: Vectors,
+        gradient: Slabs,
+        inverted: Flags,
+        sums: Sums,
     ):
-        t = first + wp.tid()
+        t = items.first + wp.tid()
         found = sums_type()
-        if t < end:
+        if t < items.end:
             n = tets[t]
             e, growth, g0, g1, g2, g3 = evaluate(
                 elements, t, displacement[n[0]], displacement[n[1]], displacement[n[2]], displacement[n[3]]
             )
-            add_gradient(gradient, slab, n, g0, g1, g2, g3)
+            add_gradient(gradient, items.slab, n, g0, g1, g2, g3)
             for k in range(FIRST_TERM, wp.static(used)):
                 found[k] = wp.float64(e[k - FIRST_TERM])
             is_inverted = wp.int8(0)
@@ -148,7 +145,7 @@ def _gradient(formulas: TetFormulas, cuda: bool) -> wp.Kernel:
                 if inverted_before[t] == wp.int8(0):
                     found[NEWLY_INVERTED] = wp.float64(1.0)
             inverted[t] = is_inverted
-        add(sums, slab, 0, found)
+        add(sums, items.slab, 0, found)
 
     return gradient_kernel
 
@@ -157,22 +154,20 @@ def _hessian(formulas: TetFormulas, cuda: bool, positive: bool) -> wp.Kernel:
     find_hessian, elements_type = formulas.hessian, formulas.elements
     module = f"{formulas.name}_items_{'cuda' if cuda else 'cpu'}"
     add_hessian, blocks_type = hessian_adder(formulas.scalar, cuda), block_sums_type(formulas.scalar, cuda)
-    vec3 = wp.types.vector(3, formulas.scalar)
+    _, Vectors, _ = array_types(formulas.scalar)
     clip = wp.constant(positive)
 
     @wp.kernel(module=module, enable_backward=False)
     def hessian_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        tets: wp.array(dtype=wp.vec4i),
+        items: Items,
+        tets: Corners,
         elements: elements_type,
-        place_of: wp.array(dtype=vec10i),
-        displacement: wp.array(dtype=vec3),
+        place_of: Places,
+        displacement: Vectors,
         blocks: blocks_type,
     ):
-        item = first + wp.tid()
-        t = wp.min(item, end - 1)  # all threads of a warp store together, those past the end as well
+        item = items.first + wp.tid()
+        t = wp.min(item, items.end - 1)  # all threads of a warp store together, those past the end as well
         n = tets[t]
         aa, ab, ac, bb, bc, cc = find_hessian(
             elements, t, displacement[n[0]], displacement[n[1]], displacement[n[2]], displacement[n[3]], clip
@@ -362,20 +357,18 @@ def hessian_code(formulas: TetFormulas, *, positive: bool) -> str:
 def gradient_loop(formulas: TetFormulas) -> wp.Kernel:
     """The kernel that adds energies, gradients and counts of a range of tetrahedra."""
     elements_type = formulas.elements
-    vec3 = wp.types.vector(3, formulas.scalar)
+    _, Vectors, _ = array_types(formulas.scalar)
+    Slabs = wp.array2d[wp.types.vector(3, formulas.scalar)]
 
     @native_kernel(f"{formulas.name}_loops", gradient_code(formulas))
     def gradient(
-        first: int,
-        end: int,
-        slab: int,
-        tets: wp.array(dtype=wp.vec4i),
+        tets: Corners,
         elements: elements_type,
-        inverted_before: wp.array(dtype=wp.int8),
-        displacement: wp.array(dtype=vec3),
-        gradient: wp.array(dtype=vec3, ndim=2),
-        inverted: wp.array(dtype=wp.int8),
-        sums: wp.array(dtype=wp.float64, ndim=2),
+        inverted_before: Flags,
+        displacement: Vectors,
+        gradient: Slabs,
+        inverted: Flags,
+        sums: Sums,
     ): ...
 
     return gradient
@@ -384,18 +377,11 @@ def gradient_loop(formulas: TetFormulas) -> wp.Kernel:
 def hessian_loop(formulas: TetFormulas, *, positive: bool) -> wp.Kernel:
     """The kernel that adds second derivatives of a range of tetrahedra to blocks; -1 of `block_of` is none."""
     elements_type = formulas.elements
-    vec3, mat33 = wp.types.vector(3, formulas.scalar), wp.types.matrix((3, 3), formulas.scalar)
+    _, Vectors, Blocks = array_types(formulas.scalar)
 
     @native_kernel(f"{formulas.name}_loops", hessian_code(formulas, positive=positive))
     def hessian(
-        first: int,
-        end: int,
-        slab: int,
-        tets: wp.array(dtype=wp.vec4i),
-        elements: elements_type,
-        place_of: wp.array(dtype=vec10i),
-        displacement: wp.array(dtype=vec3),
-        blocks: wp.array(dtype=mat33),
+        tets: Corners, elements: elements_type, place_of: Places, displacement: Vectors, blocks: Blocks
     ): ...
 
     return hessian

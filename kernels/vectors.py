@@ -1,8 +1,7 @@
 """Steps on vectors of the free nodes, and the sums and maxima that they need.
 
-A kernel of the hot path takes `first, end, slab`: it works on the items [first, end) and adds only into its own
-slab of an accumulator, so that CPU threads never write to the same address. Free nodes come first in every array:
-the projection of a step onto the prescribed bones is the length of its launch (the mappings U of eq. 4.3 of [2]).
+Free nodes come first in every array: the projection of a step onto the prescribed bones is the length of its
+launch (the mappings U of eq. 4.3 of [2]).
 """
 
 from functools import cache
@@ -11,6 +10,7 @@ from typing import Any
 
 import warp as wp
 
+from .arguments import Doubles, Items, Sums, array_types
 from .native import native_kernel
 
 
@@ -21,7 +21,7 @@ def sum_reducer(cuda: bool) -> Any:
     one: Any = wp.types.vector(1, wp.float64)
 
     @wp.func
-    def add(sums: wp.array2d(dtype=wp.float64), row: int, column: int, value: wp.float64):
+    def add(sums: Sums, row: int, column: int, value: wp.float64):
         add_columns(sums, row, column, one(value))
 
     return add
@@ -54,10 +54,10 @@ def sums_reducer(cuda: bool, count: int) -> Any:
     }}
     __syncthreads();  // the parts are free for another sum
     """)
-    def add_over_block(sums: wp.array2d(dtype=wp.float64), row: int, column: int, values: values_type): ...
+    def add_over_block(sums: Sums, row: int, column: int, values: values_type): ...
 
     @wp.func
-    def add(sums: wp.array2d(dtype=wp.float64), row: int, column: int, values: values_type):
+    def add(sums: Sums, row: int, column: int, values: values_type):
         if wp.static(cuda):
             add_over_block(sums, row, column, values)
         else:
@@ -96,10 +96,10 @@ def max_reducer(cuda: bool) -> Any:
     if (threadIdx.x % 32 == 0 && largest > *kept)
         atomicMax(reinterpret_cast<unsigned long long*>(kept), (unsigned long long)__double_as_longlong(largest));
     """)
-    def keep_over_warp(values: wp.array2d(dtype=wp.float64), row: int, column: int, value: wp.float64): ...
+    def keep_over_warp(values: Sums, row: int, column: int, value: wp.float64): ...
 
     @wp.func
-    def keep_largest(values: wp.array2d(dtype=wp.float64), row: int, column: int, value: wp.float64):
+    def keep_largest(values: Sums, row: int, column: int, value: wp.float64):
         if wp.static(cuda):
             keep_over_warp(values, row, column, value)
         elif value > values[row, column]:
@@ -114,6 +114,7 @@ def slab_gatherer(scalar: type) -> wp.Kernel:
 
     Slab after slab, which are vector instructions: number after number took three times as long with 16 of them.
     """
+    Numbers = wp.array[scalar]
 
     @native_kernel(
         f"slabs_{scalar.__name__}",
@@ -125,7 +126,7 @@ def slab_gatherer(scalar: type) -> wp.Kernel:
     }
     """,
     )
-    def gather(first: int, end: int, slab: int, slabs: int, size: int, values: wp.array(dtype=scalar)):
+    def gather(slabs: int, size: int, values: Numbers):
         """Adds all slabs, `size` numbers each, into the first one."""
 
     return gather
@@ -143,63 +144,46 @@ LEAST = wp.constant(wp.float64(1e-12))
 def vector_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     """The kernels of the loop, in one precision."""
     add, keep_largest = sums_reducer(cuda, PRODUCTS), max_reducer(cuda)
-    vec3, mat33 = wp.types.vector(3, scalar), wp.types.matrix((3, 3), scalar)
+    vec3 = wp.types.vector(3, scalar)
+    _, Vectors, Blocks = array_types(scalar)
     module = f"vectors_{scalar.__name__}_{'cuda' if cuda else 'cpu'}"
     products_type = wp.types.vector(PRODUCTS, wp.float64)
 
     @wp.kernel(module=module, enable_backward=False)
-    def step_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        length: wp.array(dtype=wp.float64),
-        displacement: wp.array(dtype=vec3),
-        direction: wp.array(dtype=vec3),
-        trial: wp.array(dtype=vec3),
-    ):
+    def step_kernel(items: Items, length: Doubles, displacement: Vectors, direction: Vectors, trial: Vectors):
         """trial = displacement + length * direction, free nodes only."""
-        i = first + wp.tid()
-        if i < end:
+        i = items.first + wp.tid()
+        if i < items.end:
             trial[i] = displacement[i] + scalar(length[0]) * direction[i]
 
     @wp.kernel(module=module, enable_backward=False)
-    def products_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        gradient: wp.array(dtype=vec3),
-        direction: wp.array(dtype=vec3),
-        previous: wp.array(dtype=vec3),
-        products: wp.array(dtype=wp.float64, ndim=2),
-    ):
+    def products_kernel(items: Items, gradient: Vectors, direction: Vectors, previous: Vectors, products: Sums):
         """Products of the direction with the gradient, with an earlier gradient and with itself."""
-        i = first + wp.tid()
+        i = items.first + wp.tid()
         found = products_type()
-        if i < end:
+        if i < items.end:
             d = direction[i]
             found[SLOPE] = wp.float64(wp.dot(gradient[i], d))
             found[PREVIOUS_SLOPE] = wp.float64(wp.dot(previous[i], d))
             found[DIRECTION_SQUARED] = wp.float64(wp.dot(d, d))
-        add(products, slab, 0, found)
+        add(products, items.slab, 0, found)
 
     @wp.kernel(module=module, enable_backward=False)
     def extrapolate_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        share: wp.array(dtype=wp.float64),
-        part: wp.array(dtype=wp.float64),
-        displacement: wp.array(dtype=vec3),
-        earlier: wp.array(dtype=vec3),
-        move: wp.array(dtype=vec3),
-        bend: wp.array(dtype=vec3),
+        items: Items,
+        share: Doubles,
+        part: Doubles,
+        displacement: Vectors,
+        earlier: Vectors,
+        move: Vectors,
+        bend: Vectors,
     ):
         """Takes note of the last move and a share of its change, and goes on by the move and a part of the change.
 
         Free nodes only; `earlier` becomes the displacement, which becomes the expected one.
         """
-        i = first + wp.tid()
-        if i < end:
+        i = items.first + wp.tid()
+        if i < items.end:
             now = displacement[i]
             last = now - earlier[i]
             bend[i] += scalar(share[0]) * ((last - move[i]) - bend[i])
@@ -208,17 +192,10 @@ def vector_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
             displacement[i] = now + (last + scalar(part[0]) * bend[i])
 
     @wp.kernel(module=module, enable_backward=False)
-    def color_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        inverse_diagonal: wp.array(dtype=mat33),
-        white: wp.array(dtype=vec3),
-        colored: wp.array(dtype=vec3),
-    ):
+    def color_kernel(items: Items, inverse_diagonal: Blocks, white: Vectors, colored: Vectors):
         """C^-T w for D^-1 = C C^T: of white noise, forces whose covariance is D, the diagonal blocks."""
-        i = first + wp.tid()
-        if i < end:
+        i = items.first + wp.tid()
+        if i < items.end:
             a = wp.mat33d(inverse_diagonal[i])
             w = wp.vec3d(white[i])
             x = wp.sqrt(a[0, 0])
@@ -232,19 +209,13 @@ def vector_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
             colored[i] = vec3(wp.vec3d((w[0] - xy * second - xz * third) / x, second, third))
 
     @wp.kernel(module=module, enable_backward=False)
-    def longest_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        vectors: wp.array(dtype=vec3),
-        longest: wp.array(dtype=wp.float64, ndim=2),
-    ):
+    def longest_kernel(items: Items, vectors: Vectors, longest: Sums):
         """Largest squared length of a vector."""
-        i = first + wp.tid()
+        i = items.first + wp.tid()
         squared = wp.float64(0.0)
-        if i < end:
+        if i < items.end:
             squared = wp.float64(wp.length_sq(vectors[i]))
-        keep_largest(longest, slab, 0, squared)
+        keep_largest(longest, items.slab, 0, squared)
 
     return SimpleNamespace(
         step=step_kernel,

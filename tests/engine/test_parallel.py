@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import warp as wp
+from warp_trunk.kernels.arguments import Items
 
 from warp_trunk.engine.parallel import (
     Parallel,
@@ -24,10 +25,10 @@ from warp_trunk.errors import InputError
 
 
 @wp.kernel(enable_backward=False)
-def visit_kernel(first: int, end: int, slab: int, step: int, visits: wp.array2d(dtype=wp.int32)):
-    i = first + wp.tid()  # pyright: ignore[reportOperatorIssue]
-    if i < end:
-        visits[slab, i] = visits[slab, i] + step
+def visit_kernel(items: Items, step: int, visits: wp.array2d(dtype=wp.int32)):
+    i = items.first + wp.tid()  # pyright: ignore[reportOperatorIssue]
+    if i < items.end:
+        visits[items.slab, i] = visits[items.slab, i] + step
 
 
 def visits(threads: int, size: int, bounds: np.ndarray | None = None, least: int = 1) -> np.ndarray:
@@ -84,11 +85,9 @@ def test_the_quota_of_a_container(groups: str, files: dict[str, str], cores: flo
 
 
 @wp.kernel(enable_backward=False)
-def pass_on_kernel(
-    first: int, end: int, slab: int, given: wp.array(dtype=wp.int32), taken: wp.array(dtype=wp.int32)
-):
-    i = first + wp.tid()  # pyright: ignore[reportOperatorIssue]
-    if i < end:
+def pass_on_kernel(items: Items, given: wp.array(dtype=wp.int32), taken: wp.array(dtype=wp.int32)):
+    i = items.first + wp.tid()  # pyright: ignore[reportOperatorIssue]
+    if i < items.end:
         taken[i] = given[(i + 1) % given.shape[0]]
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
+from warp_trunk.kernels.arguments import Items, filled
 from warp_trunk.kernels.assembly import COLUMNS, KEPT, NUMBERS, PAIRS, SYMMETRIC, vec10i
 from warp_trunk.kernels.itmsm import itmsm_formulas
 from warp_trunk.kernels.neo_hookean import neo_hookean_formulas
@@ -45,7 +46,13 @@ def gradients(model: Model, kernel: Any, items: int, first: int, end: int) -> li
     before.assign(np.arange(len(model.corners)) % 2)
     gradient, inverted = model.zeros(model.vec3, 2, model.nodes), model.zeros(wp.int8, len(model.corners))
     sums = model.zeros(wp.float64, 2, COLUMNS)
-    inputs = [first, end, 1, model.tets, model.elements.arrays, before, displacement(model)]
+    inputs = [
+        filled(Items, first=first, end=end, slab=1),
+        model.tets,
+        model.elements.arrays,
+        before,
+        displacement(model),
+    ]
     wp.launch(kernel, items, inputs, [gradient, inverted, sums], device="cpu")
     return [gradient.numpy(), inverted.numpy(), sums.numpy()]
 
@@ -56,7 +63,13 @@ def blocks(model: Model, kernel: Any, items: int, first: int, end: int) -> np.nd
     places[:, 7] = places[:, 2]
     places[::3] += 1
     result = model.zeros(wp.types.matrix((3, 3), model.scalar), places.size)
-    inputs = [first, end, 1, model.tets, model.elements.arrays, model.array(places, vec10i), displacement(model)]
+    inputs = [
+        filled(Items, first=first, end=end, slab=1),
+        model.tets,
+        model.elements.arrays,
+        model.array(places, vec10i),
+        displacement(model),
+    ]
     wp.launch(kernel, items, inputs, [result], device="cpu")
     return result.numpy()
 
@@ -181,16 +194,14 @@ def reducing_kernel(cuda: bool, count: int) -> Any:
 
     @wp.kernel(module="unique", enable_backward=False)
     def reduce_kernel(
-        first: int,
-        end: int,
-        slab: int,
+        items: Items,
         table: wp.array(dtype=values_type),
         sums: wp.array(dtype=wp.float64, ndim=2),
         largest: wp.array(dtype=wp.float64, ndim=2),
     ):
-        i = first + wp.tid()  # pyright: ignore[reportOperatorIssue]
+        i = items.first + wp.tid()  # pyright: ignore[reportOperatorIssue]
         values = values_type()
-        if i < end:
+        if i < items.end:
             values = table[i]
         add(sums, ROW, COLUMN, values)
         keep_largest(largest, ROW, COLUMN, values[0])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import warp as wp
+from warp_trunk.kernels.arguments import Items, filled
 from warp_trunk.kernels.assembly import COLUMNS, PAIRS, vec10i
 from warp_trunk.kernels.skin_bending import BENDING
 
@@ -35,7 +36,12 @@ class Bent:
         gradient = wp.zeros((1, len(moved)), dtype=wp.vec3d, device="cpu")
         sums = wp.zeros((1, COLUMNS), dtype=wp.float64, device="cpu")
         hinges, inputs = len(self.skin.corners), [*self.skin.arguments, self._displacement(moved)]
-        wp.launch(self.skin.kernels.gradient, hinges, inputs=[0, hinges, 0, *inputs, gradient, sums], device="cpu")
+        wp.launch(
+            self.skin.kernels.gradient,
+            hinges,
+            inputs=[filled(Items, end=hinges), *inputs, gradient, sums],
+            device="cpu",
+        )
         assert np.count_nonzero(sums.numpy()) <= 1
         return float(sums.numpy()[0, BENDING]), gradient.numpy()[0]
 
@@ -45,7 +51,9 @@ class Bent:
         blocks = wp.zeros(len(PAIRS) * hinges, dtype=wp.mat33d, device="cpu")
         places = wp.array(places_apart(hinges), dtype=vec10i, device="cpu")
         inputs = [*self.skin.arguments, 0, places, self._displacement(moved), blocks]
-        wp.launch(getattr(self.skin.kernels, name), hinges, inputs=[0, hinges, 0, *inputs], device="cpu")
+        wp.launch(
+            getattr(self.skin.kernels, name), hinges, inputs=[filled(Items, end=hinges), *inputs], device="cpu"
+        )
         return element_matrices(blocks.numpy())
 
     def _displacement(self, moved: np.ndarray) -> wp.array:

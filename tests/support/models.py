@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 from scipy.sparse import bsr_array
+from warp_trunk.kernels.arguments import Items, filled
 from warp_trunk.kernels.assembly import PAIRS, vec10i
 
 from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion
@@ -96,7 +97,7 @@ def dense_hessian(model: Model, displacement: np.ndarray, name: str) -> np.ndarr
     tets, nodes = len(model.corners), len(model.order)
     blocks = model.zeros(wp.types.matrix((3, 3), model.scalar), len(PAIRS) * tets)
     places, moved = model.array(places_apart(tets), vec10i), model.array(displacement[model.order], model.vec3)
-    inputs = [0, tets, 0, model.tets, model.elements.arrays, places, moved]
+    inputs = [filled(Items, end=tets), model.tets, model.elements.arrays, places, moved]
     wp.launch(getattr(model.elements.kernels, name), 1, inputs, [blocks], device="cpu")
     dense, numbers = np.zeros((3 * nodes, 3 * nodes)), 3 * model.order[model.corners][..., None] + np.arange(3)
     numbers = numbers.reshape(tets, 12)

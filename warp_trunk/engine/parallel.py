@@ -3,9 +3,9 @@
 Warp runs a CPU launch on the calling thread alone. Here the range of a launch is split over threads, and launches
 that follow each other are one program, which a team of threads runs in one call of machine code (see the kernels
 of `synchronization`): the threads are woken once instead of for each launch, and Ctrl-C comes before or after a
-program, never in between. A kernel of the hot path begins with the arguments `first, end, slab`: it works on
-[first, end) and adds only into its own slab of an accumulator, which keeps results free of races and, on the CPU,
-equal to the last bit from run to run.
+program, never in between. A kernel of the hot path takes `Items` first: it works on a range and adds only into its
+own slab of an accumulator, which keeps results free of races and, on the CPU, equal to the last bit from run to
+run.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.errors import InputError
+from warp_trunk.kernels.arguments import Items, filled
 from warp_trunk.kernels.native import NativeKernel
 from warp_trunk.kernels.starting import start_warp
 from warp_trunk.kernels.synchronization import (
@@ -158,7 +159,7 @@ class Parallel:
         outputs: Sequence[Any],
         block: int = CUDA_BLOCK,
     ) -> Launch:
-        """A launch of `kernel(first, end, slab, *inputs, *outputs)` to call many times.
+        """A launch of `kernel(items, *inputs, *outputs)` to call many times.
 
         `size` is the number of items, which are not split where they are fewer than `least_split`, or the bounds
         of the ranges. A `NativeKernel` loops over a range itself on the CPU. `block` is the number of threads of a
@@ -173,7 +174,7 @@ class Parallel:
             dim = -(-(end - first) // block) * block if self.is_cuda else end - first
             if isinstance(kernel, NativeKernel) and not self.is_cuda:
                 dim = 1
-            given = [first, end, slab, *inputs]
+            given = [filled(Items, first=first, end=end, slab=slab), *inputs]
             commands.append(self._command(kernel, dim, given, outputs, block) if first < end else None)
         return self._launch(commands)
 
@@ -364,7 +365,8 @@ class _Team:
     def _command(self, kernel: Any, range: int, arguments: Sequence[Any]) -> Any:
         if self._board is None:
             self._board = wp.zeros(BOARD_SIZE, dtype=wp.int64, device="cpu")
-        return wp.launch(kernel, dim=1, inputs=[range, self._board, *arguments], device="cpu", record_cmd=True)
+        given = [filled(Items, slab=range), self._board, *arguments]
+        return wp.launch(kernel, dim=1, inputs=given, device="cpu", record_cmd=True)
 
     def _start(self) -> None:
         """Starts the threads, once; InputError in a process that was forked from theirs."""

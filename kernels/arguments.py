@@ -1,0 +1,42 @@
+"""Types of what kernels take: the items of a launch, and arrays.
+
+A kernel of the hot path takes `items`: it works on those from `items.first` on, before `items.end`, and adds only
+into the slab `items.slab` of an accumulator, so that CPU threads never write to the same address.
+"""
+
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+
+@wp.struct
+class Items:
+    """A range of the items of a launch: that of one CPU thread, or all of them on CUDA."""
+
+    first: int
+    end: int
+    slab: int
+
+
+Flags = wp.array[wp.int8]
+Ints = wp.array[wp.int32]
+Doubles = wp.array[wp.float64]
+Sums = wp.array2d[wp.float64]
+"""By slab or iteration, and column."""
+Corners = wp.array[wp.vec4i]
+"""The nodes of tetrahedra or hinges."""
+
+
+@cache
+def array_types(scalar: type) -> tuple[Any, Any, Any]:
+    """Arrays of numbers, of vectors of three and of 3x3 blocks, in one precision."""
+    return wp.array[scalar], wp.array[wp.types.vector(3, scalar)], wp.array[wp.types.matrix((3, 3), scalar)]
+
+
+def filled(struct: Any, **fields: Any) -> Any:
+    """A Warp struct with these values of its fields."""
+    made = struct()
+    for name, value in fields.items():
+        setattr(made, name, value)
+    return made
