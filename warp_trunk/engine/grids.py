@@ -5,8 +5,12 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from .dense_inverse import DenseInverse
 
 LEAST_SUPPORT = 0.01
 """A grid vertex that reaches its points with a smaller sum of squared weights is left out."""
@@ -87,8 +91,8 @@ class Grids:
     """The grids, finest first."""
     to_nodes: tuple[Interpolation, ...]
     """The interpolation of each to the free nodes."""
-    inverse: np.ndarray
-    """Of the matrix on the coarsest at rest, shape (3 vertices, 3 vertices)."""
+    inverse: DenseInverse
+    """Of the matrix on the coarsest at rest, of 3 rows a vertex."""
 
     def reaching(self, nodes: int) -> tuple[tuple[CoarseGrid, ...], tuple[Interpolation, ...]]:
         """The grids and their interpolations to so many nodes, of which they do not reach the last."""

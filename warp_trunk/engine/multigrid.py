@@ -33,7 +33,7 @@ from warp_trunk.kernels.multigrid import (
 )
 from warp_trunk.kernels.sparse import diagonal_inverter
 
-from .dense_inverse import DenseProduct, in_half_precision, invert
+from .dense_inverse import DenseInverse, DenseProduct, invert
 from .grids import Grids, Interpolation, lay_grids
 from .linear import BlockMatrix, Dots, Iterates
 from .model import Model
@@ -64,10 +64,12 @@ class Multigrid:
         self.model = model = matrix.model
         matrix.assemble_projected()
         laid, to_nodes = lay_grids(model.rest[model.free]) if grids is None else grids.reaching(model.free_nodes)
-        self._groups = NodeGroups(matrix)
+        onto_nodes = [_Interpolation(model, onto) for onto in to_nodes]
         sizes = [onto.vertices for onto in to_nodes]
-        on_device = _Interpolation(model, to_nodes[0])
-        onto_nodes = [on_device, *(_Interpolation(model, onto) for onto in to_nodes[1:])]
+        # early: threads of a linear algebra library stay busy for a while
+        inverse = grids.inverse if grids else invert(grid_matrix(matrix, onto_nodes[-1], sizes[-1]))
+        self.grids = Grids(laid, to_nodes, inverse)
+        self._groups = NodeGroups(matrix)
         bounds = np.cumsum([0, *sizes[-2::-1]])  # of the grids but the last, the coarsest first
         self._grids = model.zeros(wp.types.matrix((3, 3), model.scalar), int(bounds[-1]))
         diagonals = [self._grids[first:end] for first, end in pairwise(bounds.tolist())][::-1]
@@ -84,13 +86,11 @@ class Multigrid:
         self.update_grids()
         self.reset_grids: Launch = partial(wp.copy, self._grids, wp.clone(self._grids))
         """Sets these blocks to those of the trunk at rest."""
-        inverse = grids.inverse if grids else invert(grid_matrix(matrix, onto_nodes[-1], sizes[-1]))
-        self.grids = Grids(laid, to_nodes, inverse)
         if model.parallel.is_cuda:
             self._levels = CudaLevels(matrix, to_nodes, self._grids, inverse, self._groups)
         else:
             between = [_Interpolation(model, g.interpolate(finer.positions)) for finer, g in pairwise(laid)]
-            self._levels = CpuLevels(matrix, [on_device, *between], diagonals, inverse, self._groups)
+            self._levels = CpuLevels(matrix, [onto_nodes[0], *between], diagonals, inverse, self._groups)
 
     def step_and_apply(self, at: Iterates) -> Launch:
         """See `Preconditioner`."""
@@ -120,7 +120,7 @@ class CpuLevels:
         matrix: BlockMatrix,
         grids: Sequence[_Interpolation],
         inverse_diagonals: Sequence[wp.array],
-        inverse: np.ndarray,
+        inverse: DenseInverse,
         groups: NodeGroups,
     ) -> None:
         """Uploads the inverse on the last grid.
@@ -129,7 +129,7 @@ class CpuLevels:
             matrix: of the trunk.
             grids: the interpolation of each to the next finer one, of the first to the free nodes.
             inverse_diagonals: of all grids but the last, weighted, shape (vertices,), mat33.
-            inverse: on the last, shape (3 vertices, 3 vertices).
+            inverse: on the last, of 3 rows a vertex.
             groups: of tied nodes.
         """
         self._matrix, self._grids, self._groups = matrix, grids, groups
@@ -170,7 +170,7 @@ class CudaLevels:
         matrix: BlockMatrix,
         grids: Sequence[Interpolation],
         inverse_diagonal: wp.array,
-        inverse: np.ndarray,
+        inverse: DenseInverse,
         groups: NodeGroups,
     ) -> None:
         """Uploads what the launches read.
@@ -179,7 +179,7 @@ class CudaLevels:
             matrix: of the trunk.
             grids: the interpolation of each to the free nodes, finest first.
             inverse_diagonal: of all but the last, which come last but one first, shape (vertices,), mat33.
-            inverse: that of the last, symmetric, shape (3 vertices, 3 vertices).
+            inverse: on the last, of 3 rows a vertex.
             groups: of tied nodes.
         """
         self._matrix, self._groups, model = matrix, groups, matrix.model
@@ -206,8 +206,8 @@ class CudaLevels:
             model.array(np.concatenate(corner_weights).astype(np.float16), wp.float16),
         )
         self._inverse_diagonal = inverse_diagonal
-        numbers, scale = in_half_precision(inverse)
-        self._scale, self._inverse = model.array(scale, wp.float32), model.array(numbers, wp.float16)
+        self._scale = model.array(inverse.scale, wp.float32)
+        self._inverse = model.array(inverse.in_half_precision(), wp.float16)
 
     def step_and_apply(self, at: Iterates) -> Launch:
         """See `Preconditioner`."""
@@ -284,7 +284,8 @@ def grid_matrix(matrix: BlockMatrix, whole: _Interpolation, size: int) -> np.nda
     """P^T H P, dense, shape (3 size, 3 size), float64; below the diagonal blocks it is zero."""
     model = matrix.model
     ranges = min(model.parallel.ranges, MOST_DENSE)
-    dense = model.zeros(wp.float64, ranges, 3 * size, 3 * size)
+    untouched = np.zeros((ranges, 3 * size, 3 * size))  # where nothing is added it takes no memory
+    dense = wp.array(untouched, dtype=wp.float64, device=model.device, copy=False)
     model.parallel.record(
         grid_matrix_kernels(model.scalar, 1).grid_matrix,
         np.linspace(0, model.free_nodes, ranges + 1),

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 import warp as wp
-from warp_trunk.kernels.multigrid import KEPT, STRIP, WHOLE
+from warp_trunk.kernels.multigrid import KEPT, WHOLE
 
 from support.meshes import block
 from support.models import model_of
-from warp_trunk.engine.dense_inverse import DenseProduct, in_half_precision, invert, invert_layers
+from warp_trunk.engine.dense_inverse import IDLE_SHIFT, SHIFT, DenseInverse, DenseProduct, inverse_rows, invert
 from warp_trunk.engine.rest_mesh import PRECISIONS
 
 
@@ -18,28 +18,53 @@ def definite(size: int) -> np.ndarray:
     return pairs.T @ pairs
 
 
+def dense(inverse: DenseInverse) -> np.ndarray:
+    """S A S, without the factor of what is off the diagonal."""
+    numbers = inverse.numbers / (KEPT * WHOLE)
+    np.fill_diagonal(numbers, 1.0)
+    return inverse.scale[:, None] * numbers * inverse.scale
+
+
+def collected(matrix: np.ndarray, shift: float) -> np.ndarray:
+    """The inverse by `inverse_rows`, without scale."""
+    found = np.full(matrix.shape, np.nan)
+    for layer, rows in inverse_rows(matrix, np.ones(len(matrix)), shift):
+        found[layer, layer.start :], found[layer.start :, layer] = rows, rows.T
+    return found
+
+
+def in_16_bits(matrix: np.ndarray) -> DenseInverse:
+    """A positive matrix as if it were the inverse of another."""
+    root = np.sqrt(np.diagonal(matrix))
+    numbers = np.rint(KEPT * WHOLE * matrix / root[:, None] / root).astype(np.int16)
+    np.fill_diagonal(numbers, WHOLE)
+    return DenseInverse(numbers, root)
+
+
 @pytest.mark.parametrize("size", [1, 3, 64, 327])
 def test_it_undoes_the_matrix(size: int) -> None:
     matrix = definite(size)
     found = invert(matrix)
-    np.testing.assert_allclose(found, found.T, rtol=1e-12)
-    np.testing.assert_array_equal(invert(np.triu(matrix)), found)  # numbers below the diagonal are not read
-    np.testing.assert_allclose(found @ matrix, np.eye(size), atol=1e-4)  # the shift of 1e-6, where it is worst
-    right = np.random.default_rng(1).normal(size=size)
-    wanted = np.linalg.solve(matrix, right)
-    assert np.linalg.norm(found @ right - wanted) < 1e-3 * np.linalg.norm(wanted)
+    np.testing.assert_array_equal(found.numbers, found.numbers.T)
+    np.testing.assert_array_equal(invert(np.triu(matrix)).numbers, found.numbers)  # those below are not needed
+    wanted = np.linalg.inv(matrix + SHIFT * np.diag(np.diagonal(matrix)))
+    root = np.sqrt(np.diagonal(wanted))
+    np.testing.assert_allclose(found.scale, root, rtol=1e-9)
+    np.testing.assert_allclose(
+        dense(found) / root[:, None] / root, wanted / root[:, None] / root, atol=0.51 / WHOLE
+    )
 
 
 def test_a_vertex_that_reaches_no_node_stays() -> None:
     size, alone = 192, np.array([0, 5, 128])
     matrix = definite(size)
     matrix[alone] = matrix[:, alone] = 0.0
-    found = invert(matrix)
+    found = dense(invert(matrix))
     assert not found[alone].any()
     assert not found[:, alone].any()
-    others = np.setdiff1d(np.arange(size), alone)
-    product = (found @ matrix)[np.ix_(others, others)]
-    np.testing.assert_allclose(product, np.eye(len(others)), atol=1e-4)
+    others = np.ix_(*[np.setdiff1d(np.arange(size), alone)] * 2)
+    wanted = dense(invert(matrix[others]))
+    np.testing.assert_allclose(found[others], wanted, rtol=0.0, atol=1e-4 * np.diagonal(wanted).max())
 
 
 @pytest.mark.parametrize("layers", [(40,), (1, 30, 2, 50, 9), (16, 16, 16, 16), (33, 1)])
@@ -49,7 +74,7 @@ def test_layers_that_follow_each_other(layers: tuple[int, ...]) -> None:
     layer = np.repeat(np.arange(len(layers)), layers)
     matrix[np.abs(layer - layer[:, None]) > 1] = 0.0
     matrix += np.diag(np.abs(matrix).sum(axis=1))
-    found, wanted = invert_layers(np.triu(matrix)), np.linalg.inv(matrix)
+    found, wanted = collected(np.triu(matrix), 0.5), np.linalg.inv(matrix + 0.5 * np.eye(len(matrix)))
     np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-12 * np.abs(wanted).max())
 
 
@@ -63,8 +88,8 @@ def test_a_soft_direction_is_kept_finite(softest: float, shift: float) -> None:
     matrix = across @ matrix @ across + softest * np.outer(soft, soft)
     shifted = matrix + shift * np.diag(np.diagonal(matrix))
     found, wanted = invert(matrix), np.linalg.inv(shifted)
-    assert np.linalg.norm(found - wanted, 2) < 1e-6 * np.linalg.norm(wanted, 2)
-    assert np.linalg.eigvalsh(found).min() > 0.0
+    np.testing.assert_allclose(found.scale, np.sqrt(np.diagonal(wanted)), rtol=1e-6)
+    assert np.linalg.eigvalsh(found.numbers.astype(float)).min() > 0.0
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
@@ -77,7 +102,7 @@ def test_its_product_in_16_bits(nodes: int, threads: int, precision: str) -> Non
     matrix = size[:, None] * definite(3 * nodes) * size
     x = np.random.default_rng(2).normal(size=(nodes + 16, 3))
     solution = model.zeros(model.vec3, nodes + 16)
-    product, iteration = DenseProduct(model, matrix), model.zeros(wp.int32, 1)
+    product, iteration = DenseProduct(model, in_16_bits(matrix)), model.zeros(wp.int32, 1)
     for _ in range(2):  # nothing is left of the product before
         bounds = model.parallel.split(product.strips)
         product.record(model.array(x, model.vec3), solution, iteration, bounds)()
@@ -96,14 +121,11 @@ def test_it_stays_positive_in_16_bits() -> None:
     weights = np.random.default_rng(4).normal(size=(grid, nodes))
     matrix = weights @ np.diag(np.geomspace(1.0, 1e3, nodes)) @ weights.T
     ours = invert(matrix)
-    root = np.sqrt(np.diagonal(ours))
-    assert np.linalg.eigvalsh(ours / root[:, None] / root)[0] > 1e-4  # of 1e-7 without
+    shifted = np.linalg.inv(matrix + IDLE_SHIFT * np.diag(np.diagonal(matrix)))
+    np.testing.assert_allclose(ours.scale, np.sqrt(np.diagonal(shifted)), rtol=1e-9)
     inverse = np.linalg.inv(matrix + 1e-6 * np.diag(np.diagonal(matrix)))
     scale = np.sqrt(np.diagonal(inverse))
     assert np.linalg.eigvalsh((inverse / scale[:, None] / scale).astype(np.float16).astype(float))[0] < 0.0
-    half, _ = in_half_precision(inverse)
-    assert np.linalg.eigvalsh(half[:, :grid].astype(float))[0] > 0.0
-    model = model_of(block((2, 2, 2)), threads=1, precision="float32")
-    strips = DenseProduct(model, inverse).numbers.numpy().reshape(-1, grid, STRIP)
-    numbers = strips.transpose(0, 2, 1).reshape(-1, grid)
-    assert np.linalg.eigvalsh(numbers[:grid, :grid].astype(float))[0] > 0.0
+    for each in (ours, in_16_bits(inverse)):
+        for numbers in (each.numbers, each.in_half_precision()[:, :grid]):
+            assert np.linalg.eigvalsh(numbers.astype(float))[0] > 0.0
