@@ -1,6 +1,7 @@
 """The command line: its commands, flags and exit statuses, one line for an error, and cases left alone."""
 
 import json
+import os
 import shlex
 import subprocess
 import sys
@@ -38,6 +39,16 @@ heavy = {"warp", "numpy", "scipy", "trimesh", "rerun", "matplotlib", "tyro"} & s
 print(sorted(heavy), file=sys.stderr)
 """
 
+THREADS = """
+import os, sys
+from warp_trunk.cli import main
+sys.argv = ["warp-trunk", "--help"]
+main()
+import numpy
+numpy.ones((500, 500)) @ numpy.ones((500, 500))
+print(len(os.listdir("/proc/self/task")), file=sys.stderr)
+"""
+
 
 def test_every_command_is_shown_with_its_first_sentence(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--help"]) == 0
@@ -59,6 +70,16 @@ def test_help_is_of_the_command_line(name: str, capsys: pytest.CaptureFixture[st
 def test_help_loads_nothing_heavy() -> None:
     done = subprocess.run([sys.executable, "-c", LOADED], capture_output=True, text=True, check=True)
     assert done.stderr.splitlines()[-1] == "[]"
+
+
+@pytest.mark.parametrize(("asked", "threads"), [({}, 1), ({"OPENBLAS_NUM_THREADS": "2"}, 2)])
+def test_products_of_matrices_have_one_thread_unless_more_are_asked_for(asked: dict[str, str], threads: int):
+    if len(os.sched_getaffinity(0)) < threads:
+        pytest.skip("needs two cores")
+    environment = {name: value for name, value in os.environ.items() if "NUM_THREADS" not in name} | asked
+    command = [sys.executable, "-c", THREADS]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert done.stderr.splitlines()[-1] == str(threads)
 
 
 @pytest.mark.parametrize(("under_uv", "start"), [(True, ["uv", "run", "warp-trunk"]), (False, ["warp-trunk"])])

@@ -5,6 +5,7 @@ import atexit
 import errno
 import gc
 import importlib
+import os
 import sys
 import textwrap
 import warnings
@@ -82,6 +83,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments is None:
         arguments = sys.argv[1:]
         atexit.register(gc.freeze)  # Python would look for garbage in all that is left, for a third of a second
+        # BLAS would keep a thread on every core, which waits there for its next product and holds up our own
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if arguments and arguments[0] in ("-h", "--help"):
         print(overview())
         return OK
