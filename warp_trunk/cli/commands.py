@@ -114,4 +114,5 @@ def _loaded(arguments: list[str]) -> Any:
 
         return parse(kind, arguments)
     finally:
+        gc.freeze()
         gc.enable()
