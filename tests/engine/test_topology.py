@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import fields, replace
-from itertools import combinations, pairwise
+from itertools import combinations, combinations_with_replacement, pairwise
 
 import meshio
 import numpy as np
@@ -16,10 +16,10 @@ from warp_trunk.engine.ordering import bisect
 from warp_trunk.engine.topology import (
     EDGES,
     FACES,
+    Edges,
     edges_shared,
     faces_shared,
     find_pieces,
-    square_pattern,
 )
 from warp_trunk.engine.trunk_mesh import check_trunk, tet_volumes
 from warp_trunk.errors import InputError
@@ -49,28 +49,32 @@ def test_edges_and_faces_are_counted(name: str) -> None:
         np.testing.assert_array_equal(found, expected)
 
 
+@pytest.mark.parametrize("owners", [1, 2, None])
 @pytest.mark.parametrize("name", MESHES)
 @pytest.mark.parametrize("part", [0.0, 0.6, 1.0])
-def test_rows_list_the_neighbours_and_every_pair_has_its_block(name: str, part: float) -> None:
+def test_rows_list_the_neighbours_and_every_pair_has_its_block(name: str, part: float, owners: int | None) -> None:
+    """Below the diagonal those of another owner; each row has one of its own where there is no number of them."""
     tets = shuffled(MESHES[name])
     nodes = int(tets.max()) + 2  # one is in no tetrahedron
     size = int(part * nodes)
+    owner = np.arange(size) if owners is None else np.arange(size) * owners // max(size, 1)
     neighbours = [{node} for node in range(size)]
     for tet in tets.tolist():
         for node in tet:
             if node < size:
                 neighbours[node] |= {other for other in tet if other < size}
-    found = square_pattern(tets, size)
+    edges = Edges.among(tets)
+    np.testing.assert_array_equal(np.diff(edges.row_start(size)), [len(row) for row in neighbours])
+    found = edges.pattern(owner)
     start, columns = found.row_start, found.columns
-    assert [columns[start[i] : start[i + 1]].tolist() for i in range(size)] == [sorted(row) for row in neighbours]
-    assert found.rows.tolist() == [row for row in range(size) for _ in neighbours[row]]
-    for tet, blocks in zip(tets.tolist(), found.block_of.reshape(-1, 4, 4), strict=True):
-        for a, row in enumerate(tet):
-            for b, column in enumerate(tet):
-                inside = row < size and column < size
-                assert (blocks[a, b] >= 0) == inside
-                if inside:
-                    assert (found.rows[blocks[a, b]], columns[blocks[a, b]]) == (row, column)
+    expected = [[c for c in sorted(row) if c >= i or owner[c] != owner[i]] for i, row in enumerate(neighbours)]
+    assert [columns[start[i] : start[i + 1]].tolist() for i in range(size)] == expected
+    place = {pair: block for block, pair in enumerate(zip(found.rows.tolist(), columns.tolist(), strict=True))}
+    assert found.diagonal.tolist() == [place[i, i] for i in range(size)]
+    assert found.image.tolist() == [place.get((c, r), -1) if r < c else -1 for r, c in place]
+    for tet, blocks in zip(tets.tolist(), found.block_of.tolist(), strict=True):
+        for (a, b), found_at in zip(combinations_with_replacement(tet, 2), blocks, strict=True):
+            assert found_at == place.get((min(a, b), max(a, b)), -1)
 
 
 def test_pieces_have_the_number_of_their_lowest_node() -> None:

@@ -27,31 +27,23 @@ BLOCK = 64
 """Threads of a CUDA block of a Hessian; of larger ones, which need many registers, fewer run at once."""
 
 
-def assemble_symmetric(
-    model: Model, pattern: Pattern, bounds: np.ndarray
-) -> tuple[Pattern, AddedBlocks | GatheredBlocks]:
+def assemble_symmetric(model: Model, bounds: np.ndarray) -> tuple[Pattern, AddedBlocks | GatheredBlocks]:
     """The assembly of a symmetric matrix: blocks on and above its diagonal are added up, the others are images.
 
-    On the CPU only the former have a place, and those below it between two ranges of rows (`Pattern.upper_half`);
-    on CUDA all have.
+    On the CPU only the former have a place, and those below it between two ranges of rows; on CUDA all have.
 
     Args:
         model: the trunk.
-        pattern: all blocks.
-        bounds: the ranges of rows.
+        bounds: the ranges of rows, of all nodes or the free ones.
 
     Returns:
         The blocks that have a place, and their assembly.
     """
-    if not model.parallel.is_cuda:
-        pattern, image = pattern.upper_half(bounds)
-        return pattern, AddedBlocks(model, pattern.block_of, image)
-    rows, columns = pattern.rows, pattern.columns
-    size, upper = len(pattern.row_start) - 1, np.flatnonzero(columns > rows)
-    number = np.full(len(columns), -1, dtype=np.int32)
-    number[columns == rows] = np.arange(size)  # with most parts, and so first
-    number[upper] = np.arange(len(upper)) + size
-    return pattern, GatheredBlocks(model, pattern.block_of, number, size)
+    if model.parallel.is_cuda:
+        pattern = model.edges.pattern(np.arange(bounds[-1]))
+        return pattern, GatheredBlocks(model, pattern)
+    pattern = model.edges.pattern(np.repeat(np.arange(len(bounds) - 1), np.diff(bounds)))
+    return pattern, AddedBlocks(model, pattern)
 
 
 class AddedBlocks:
@@ -60,16 +52,15 @@ class AddedBlocks:
     blocks: wp.array
     """The sums, then room for what ranges add at places of their own, shape (at least blocks + 1,), mat33."""
 
-    def __init__(self, model: Model, block_of: np.ndarray, image: np.ndarray) -> None:
-        """`image` is the place where the transposed block is copied to, -1 for none, shape (blocks,)."""
-        self._model, size = model, len(image)
+    def __init__(self, model: Model, pattern: Pattern) -> None:
+        """Adds to the blocks of a pattern on and above the diagonal, and copies them to their images."""
+        self._model, image, size = model, pattern.image, len(pattern.columns)
         tets, split = len(model.corners), model.parallel.split
-        parts = pairwise(split(tets)), pairwise(tets + split(len(block_of) - tets))  # of tetrahedra and of hinges
+        hinges = split(len(pattern.block_of) - tets)
+        parts = pairwise(split(tets)), pairwise(tets + hinges)
         ranges = [np.r_[slice(*tet), slice(*hinge)] for tet, hinge in zip(*parts, strict=True)]
-        a, b = np.array(PAIRS).T
-        own, turned = block_of[:, 4 * a + b], block_of[:, 4 * b + a]
-        place_of, others = separate_ranges(np.maximum(own, turned), ranges, size)
-        self._place_of = model.array(2 * place_of + (own < turned), vec10i)
+        place_of, others = separate_ranges(pattern.block_of, ranges, size)
+        self._place_of = model.array(2 * place_of + turned(model.stencils), vec10i)
         self.blocks = model.zeros(wp.types.matrix((3, 3), model.scalar), size + 1 + len(others))
         order = np.argsort(others, kind="stable")
         completed = np.union1d(others, np.flatnonzero(image >= 0))
@@ -125,16 +116,17 @@ class GatheredBlocks:
     blocks: wp.array
     """The sums, shape (at least blocks + 1,), mat33."""
 
-    def __init__(self, model: Model, block_of: np.ndarray, number: np.ndarray, symmetric: int) -> None:
-        """`number` is the place of each block in the order of gathering, -1 for those that are images.
-
-        The `symmetric` first ones are on the diagonal.
-        """
-        self._model, self._symmetric = model, symmetric
-        self._stencils = len(block_of)
-        self.blocks = model.zeros(wp.types.matrix((3, 3), model.scalar), len(number) + 1)
-        lists = list_parts(block_of, number)
-        self._gathered, self._lists = len(lists[2]), [model.array(values, wp.int32) for values in lists]
+    def __init__(self, model: Model, pattern: Pattern) -> None:
+        """Gathers the blocks of a pattern on the diagonal, with most parts and so first, and those above it."""
+        self._model, self._symmetric, self._stencils = model, len(pattern.diagonal), len(pattern.block_of)
+        self.blocks = model.zeros(wp.types.matrix((3, 3), model.scalar), len(pattern.columns) + 1)
+        above = np.flatnonzero(pattern.image >= 0)
+        block, image = (np.concatenate([pattern.diagonal, other]) for other in (above, pattern.image[above]))
+        start, parts = list_parts(pattern.block_of, turned(model.stencils), block)
+        self._gathered, self._lists = (
+            len(block),
+            [model.array(each, wp.int32) for each in (start, parts, block, image)],
+        )
 
     def at(self, displacement: wp.array) -> Callable[[str], Launch]:
         """See `AddedBlocks`."""
@@ -154,32 +146,32 @@ class GatheredBlocks:
         return recorded
 
 
-def list_parts(block_of: np.ndarray, number: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def turned(stencils: np.ndarray) -> np.ndarray:
+    """Whether the block of each of PAIRS of stencils (stencils, 4) is added transposed, (stencils, 10)."""
+    one, other = (np.take(stencils, corner, axis=1) for corner in np.array(PAIRS).T)
+    return one > other
+
+
+def list_parts(block_of: np.ndarray, turned: np.ndarray, gathered: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Which parts of the stencils each block gathers.
 
     Args:
-        block_of: the block of each corner pair, -1 for none, shape (stencils, 16).
-        number: the place of each block in the order of gathering, -1 for those that are images of others.
+        block_of: the block of each of PAIRS, -1 for none, shape (stencils, 10).
+        turned: whether its part is the transposed one, the same shape.
+        gathered: the blocks in the order of gathering, which holds all of `block_of`, shape (gathered,).
 
     Returns:
-        Of each block in that order the first entry in the list of parts, shape (blocks + 1,); the list: where a
-        part begins among the numbers that are kept, in bits turned over where it is the transposed one; and of
-        each block its own number and that of its image, which is its own where it has none.
+        The first entry of each block in the list of parts, shape (gathered + 1,), and the list: where a part
+        begins among the numbers that are kept, in bits turned over where it is the transposed one.
     """
-    a, b = np.array(PAIRS).T
-    own, image = block_of[:, 4 * a + b], block_of[:, 4 * b + a]
-    key, key_of_image = (np.append(number, -1)[blocks] for blocks in (own, image))
-    turned = key < 0
-    key, own, image = (np.where(turned, *pair) for pair in ((key_of_image, key), (image, own), (own, image)))
+    number = np.full(int(gathered.max(initial=-1)) + 2, -1, dtype=np.int32)  # the last: of what is no block
+    number[gathered] = np.arange(len(gathered))
+    key = number[block_of]
     place = KEPT * np.arange(len(block_of))[:, None] + np.array(PLACES)
-    place = np.where(turned, ~place, place)
-    gathered = key >= 0
-    key, own, image = key[gathered], own[gathered], image[gathered]
-    block, mirrored = np.empty((2, int(number.max(initial=-1)) + 1), dtype=np.int32)
-    block[key], mirrored[key] = own, np.where(image < 0, own, image)
-    order = np.argsort(key, kind="stable")
-    start = np.searchsorted(key[order], np.arange(len(block) + 1))
-    return start, place[gathered][order], block, mirrored
+    place = np.where(turned, ~place, place)[key >= 0]
+    order = np.argsort(key[key >= 0], kind="stable")
+    start = np.searchsorted(key[key >= 0][order], np.arange(len(gathered) + 1))
+    return start, place[order]
 
 
 def _over_all(model: Model, name: str, place_of: wp.array, displacement: wp.array, to: wp.array) -> list[Launch]:

@@ -17,7 +17,6 @@ from .parallel import Parallel, takes_turns
 from .rest_mesh import PRECISIONS, RestMesh
 from .skin import make_skin
 from .tissue import EARTH_GRAVITY, ENERGY, SKIN_RIGIDITY, Tissue
-from .topology import square_pattern
 from .trunk_mesh import TrunkMesh
 
 
@@ -79,8 +78,6 @@ def build_model(
     if skin_rigidity:
         faces = places(order)[trunk.skin_nodes[trunk.skin_faces]]
         skin = make_skin(rest, faces, skin_rigidity, elements.per_millijoule(rest))
-    stencils = rest.corners if skin is None else np.vstack([rest.corners, skin.corners])
-    free_nodes = int(np.count_nonzero(~trunk.prescribed))
     model = Model(
         parallel=parallel,
         scalar=rest.scalar,
@@ -88,12 +85,11 @@ def build_model(
         gravity=gravity,
         order=order,
         tet_order=tet_order,
-        free_nodes=free_nodes,
+        free_nodes=int(np.count_nonzero(~trunk.prescribed)),
         rest=rest.nodes,
         corners=rest.corners,
         tets=rest.tets,
         elements=elements,
-        pattern=square_pattern(stencils, free_nodes),
         in_precision=lambda precision: build_model(
             trunk,
             tissues,
@@ -122,11 +118,10 @@ def _released(model: Model, nodes: np.ndarray) -> Model:
     if skin is not None:
         hinges = number[skin.corners]
         skin = replace(skin, corners=hinges, hinges=model.array(hinges, wp.vec4i))
-    free_nodes = model.nodes - int(np.count_nonzero(stays))
     found = replace(
         model,
         order=model.order[order],
-        free_nodes=free_nodes,
+        free_nodes=model.nodes - int(np.count_nonzero(stays)),
         rest=model.rest[order],
         corners=corners,
         tets=model.array(corners, wp.vec4i),
@@ -134,5 +129,4 @@ def _released(model: Model, nodes: np.ndarray) -> Model:
         in_precision=lambda precision: _released(model.in_precision(precision), nodes),
         released=lambda more: _released(found, more),
     )
-    found = replace(found, pattern=square_pattern(found.stencils, free_nodes))
     return found

@@ -6,7 +6,6 @@ import numpy as np
 
 from .assembly import assemble_symmetric
 from .state import State
-from .topology import square_pattern
 
 
 class Coupling:
@@ -16,8 +15,7 @@ class Coupling:
         """Takes it from the Hessian of all nodes at the state as it is now; nothing of it is projected."""
         model = state.model
         self._free, self._prescribed = model.free_nodes, model.nodes - model.free_nodes
-        whole = square_pattern(model.stencils, model.nodes)
-        pattern, assembly = assemble_symmetric(model, whole, np.array([0, model.nodes]))
+        pattern, assembly = assemble_symmetric(model, np.array([0, model.nodes]))
         assembly.at(state.displacement)("hessian")()
         across = np.flatnonzero((pattern.rows < self._free) & (pattern.columns >= self._free))
         self._row, self._column = pattern.rows[across], pattern.columns[across] - self._free

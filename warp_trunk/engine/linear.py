@@ -119,11 +119,11 @@ class BlockMatrix:
         self.model = model = state.model
         parallel = model.parallel
         ranges = parallel.ranges if model.free_nodes >= parallel.least_split else 1
-        self.bounds = equal_parts(model.pattern.row_start, ranges)
-        pattern, assembly = assemble_symmetric(model, model.pattern, self.bounds)
+        self.bounds = equal_parts(model.edges.row_start(model.free_nodes), ranges)
+        pattern, assembly = assemble_symmetric(model, self.bounds)
         self.row_start = model.array(pattern.row_start, wp.int32)
         self.columns = model.array(pattern.columns, wp.int32)
-        diagonal = model.array(np.flatnonzero(pattern.columns == pattern.rows), wp.int32)
+        diagonal = model.array(pattern.diagonal, wp.int32)
         self.blocks, add = assembly.blocks, assembly.at(state.displacement)
         split_planes: list[Launch] = []
         if parallel.is_cuda:  # its product reads each of the nine numbers of the blocks in a plane of its own

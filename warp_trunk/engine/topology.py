@@ -14,36 +14,84 @@ FACES = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """Compressed rows of the 3x3 blocks of a sparse matrix: pairs of nodes that share a stencil."""
+    """Compressed rows of the 3x3 blocks of a symmetric sparse matrix, for pairs of nodes that share a stencil.
+
+    Of those below the diagonal, which are images of those above, it may leave some out.
+    """
 
     row_start: np.ndarray
     """First block of each row and the end of the last, shape (rows + 1,), int32."""
     columns: np.ndarray
     """Column of each block, ascending within a row, shape (blocks,), int32."""
+    diagonal: np.ndarray
+    """The block of each row on the diagonal, shape (rows,)."""
+    image: np.ndarray
+    """Of a block above the diagonal the one below that is its transpose, otherwise -1, shape (blocks,)."""
     block_of: np.ndarray
-    """The block of corner pair 4 a + b of each stencil, -1 for none, shape (stencils, 16), int32."""
+    """The block on or above the diagonal of each pair of corners, `np.triu_indices(4)`, of each stencil, -1 for
+    none, shape (stencils, 10), int32."""
 
     @property
     def rows(self) -> np.ndarray:
         """Row of each block, shape (blocks,), int32."""
         return np.repeat(np.arange(len(self.row_start) - 1, dtype=np.int32), np.diff(self.row_start))
 
-    def upper_half(self, bounds: np.ndarray) -> tuple[Pattern, np.ndarray]:
-        """The blocks of a square pattern on and above the diagonal, and those below it between two ranges of rows.
 
-        Of the former it has, in `block_of`; and which of the latter is the image of each, -1 for none.
+@dataclass(frozen=True, eq=False)
+class Edges:
+    """Pairs of nodes that share a stencil."""
+
+    stencils: np.ndarray
+    """Four nodes that share a term of the energy, shape (stencils, 4)."""
+    ends: np.ndarray
+    """Lower and higher node of each edge, each edge once and in order, shape (2, edges)."""
+    edge_of: np.ndarray
+    """The edge of each of EDGES of each stencil, shape (stencils, 6)."""
+
+    @classmethod
+    def among(cls, stencils: np.ndarray) -> Edges:
+        """The edges of stencils, shape (stencils, 4)."""
+        nodes = int(stencils.max(initial=0)) + 1
+        one, other = (np.take(stencils, corner, axis=1).astype(np.int64) for corner in EDGES.T)
+        keys = (np.minimum(one, other) * nodes + np.maximum(one, other)).ravel()
+        order = np.argsort(keys)
+        ordered = keys[order]
+        first = np.append(True, ordered[1:] != ordered[:-1])[: len(keys)]
+        edge_of = np.empty(len(keys), dtype=np.int32)
+        edge_of[order] = np.cumsum(first, dtype=np.int32) - 1
+        return cls(stencils, np.array(np.divmod(ordered[first], nodes)), edge_of.reshape(-1, len(EDGES)))
+
+    def row_start(self, size: int) -> np.ndarray:
+        """First block of each row of the whole matrix over the first nodes, and the end, shape (size + 1,)."""
+        inside = self.ends[:, self.ends[1] < size]
+        return np.concatenate([[0], np.cumsum(1 + np.bincount(inside.ravel(), minlength=size))])
+
+    def pattern(self, owner: np.ndarray) -> Pattern:
+        """The blocks of a matrix over the first nodes, whose rows have owners, shape (rows,).
+
+        Each row has one on the diagonal. Below it are those whose row and column have different owners.
         """
-        rows, columns = self.rows, self.columns
-        owner = np.repeat(np.arange(len(bounds) - 1), np.diff(bounds))
-        kept = np.flatnonzero((columns >= rows) | (owner[columns] != owner[rows]))
-        number = np.full(len(columns) + 1, -1, dtype=np.int32)  # the last: of what is no block
-        number[kept] = np.arange(len(kept))
-        above, below = np.flatnonzero(columns > rows), np.flatnonzero(columns < rows)
-        image = np.full(len(columns), -1)
-        image[above[np.argsort(columns[above], kind="stable")]] = number[below]  # in the order of those below
-        number[below] = -1
-        row_start = np.searchsorted(rows[kept], np.arange(len(self.row_start)))
-        return Pattern(row_start.astype(np.int32), columns[kept], number[self.block_of]), image[kept]
+        size = len(owner)
+        inside = np.flatnonzero(self.ends[1] < size)
+        low, high = self.ends[:, inside]
+        below = np.flatnonzero(owner[low] != owner[high])
+        below = below[np.argsort(high[below], kind="stable")]  # by row, then column
+        above_before = np.searchsorted(low, np.arange(size + 1))  # a row: blocks above and below the diagonal
+        below_before = np.searchsorted(high[below], np.arange(size + 1))
+        row_start = np.arange(size + 1) + above_before + below_before
+        diagonal = np.arange(size) + above_before[:-1] + below_before[1:]
+        above = np.arange(len(low)) + low + 1 + below_before[low + 1]
+        mirrored = np.arange(len(below)) + high[below] + above_before[high[below]]
+        columns, image = np.empty(row_start[-1], dtype=np.int32), np.full(row_start[-1], -1)
+        columns[diagonal], columns[above], columns[mirrored] = np.arange(size), high, low[below]
+        image[above[below]] = mirrored
+        number = np.full(self.ends.shape[1], -1, dtype=np.int32)
+        number[inside] = above
+        one, other = np.triu_indices(4)
+        block_of = np.empty((len(self.stencils), len(one)), dtype=np.int32)
+        block_of[:, one < other] = number.take(self.edge_of)
+        block_of[:, one == other] = np.append(diagonal, -1).take(np.minimum(self.stencils, size))
+        return Pattern(row_start.astype(np.int32), columns, diagonal, image, block_of)
 
 
 def equal_parts(row_start: np.ndarray, ranges: int) -> np.ndarray:
@@ -54,49 +102,9 @@ def equal_parts(row_start: np.ndarray, ranges: int) -> np.ndarray:
     return bounds
 
 
-def square_pattern(stencils: np.ndarray, size: int) -> Pattern:
-    """The blocks of all pairs among the first `size` nodes, each node with itself also where no stencil has it.
-
-    Args:
-        stencils: four nodes that share a term of the energy, shape (stencils, 4).
-        size: number of rows and columns.
-    """
-    edges, edge_of = unique_edges(stencils)
-    inside = np.flatnonzero(edges[:, 1] < size)
-    low, high = edges[inside].T
-    keys = np.concatenate([np.arange(size) * (size + 1), low * size + high, high * size + low])
-    order = np.argsort(keys)
-    block = np.empty(len(keys), dtype=np.int32)
-    block[order] = np.arange(len(keys), dtype=np.int32)
-    upper, lower = np.full((2, len(edges)), -1, dtype=np.int32)
-    diagonal, upper[inside], lower[inside] = np.split(block, [size, size + len(inside)])
-    diagonal = np.append(diagonal, -1).take(np.minimum(stencils, size))
-    row_start = np.searchsorted(keys[order], np.arange(size + 1) * max(size, 1)).astype(np.int32)
-    columns = (keys[order] % max(size, 1)).astype(np.int32)
-    block_of = np.empty((len(stencils), 16), dtype=np.int32)
-    block_of[:, ::5] = diagonal
-    for edge, (a, b) in zip(edge_of.T, EDGES, strict=True):
-        ascending, above, below = stencils[:, a] < stencils[:, b], upper.take(edge), lower.take(edge)
-        block_of[:, 4 * a + b] = np.where(ascending, above, below)
-        block_of[:, 4 * b + a] = np.where(ascending, below, above)
-    return Pattern(row_start, columns, block_of)
-
-
-def unique_edges(stencils: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The edges of stencils (stencils, 4), each once and in order, and the edges of each stencil.
-
-    Returns:
-        Lower and higher node of each edge, shape (edges, 2), int64, and numbers of edges, shape (stencils, 6).
-    """
-    nodes = int(stencils.max(initial=0)) + 1
-    ends = stencils[:, EDGES].astype(np.int64)
-    keys, edge_of = np.unique(ends.min(axis=2) * nodes + ends.max(axis=2), return_inverse=True)
-    return np.column_stack(np.divmod(keys, nodes)), edge_of
-
-
 def edges_shared(tets: np.ndarray) -> np.ndarray:
     """In how many tetrahedra each edge of each (tets, 4) occurs, shape (tets, 6)."""
-    edge_of = unique_edges(tets)[1]
+    edge_of = Edges.among(tets).edge_of
     return np.bincount(edge_of.ravel())[edge_of]
 
 
