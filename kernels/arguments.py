@@ -5,12 +5,20 @@ into the slab `items.slab` of an accumulator, so that CPU threads never write to
 """
 
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar
 
 import warp as wp
 
+T = TypeVar("T")
 
-@wp.struct
+
+def struct(fields: type[T]) -> type[T]:
+    """A Warp struct, which type checkers take for the class of its fields."""
+    made: Any = wp.struct(fields)
+    return made
+
+
+@struct
 class Items:
     """A range of the items of a launch: that of one CPU thread, or all of them on CUDA."""
 
@@ -34,7 +42,7 @@ def array_types(scalar: type) -> tuple[Any, Any, Any]:
     return wp.array[scalar], wp.array[wp.types.vector(3, scalar)], wp.array[wp.types.matrix((3, 3), scalar)]
 
 
-def filled(struct: Any, **fields: Any) -> Any:
+def filled(struct: type[T], **fields: Any) -> T:
     """A Warp struct with these values of its fields."""
     made = struct()
     for name, value in fields.items():

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from .arguments import Doubles, Ints, Items, Sums, array_types
+from .arguments import Doubles, Ints, Items, Sums, array_types, struct
 from .native import native_kernel
 from .vectors import max_reducer, sum_reducer
 
@@ -23,23 +23,42 @@ SLOWEST = wp.constant(0.95)
 """Changes are assumed to shrink at least this fast from window to window."""
 
 
-TOTAL = """
-    const auto total = [&](const auto& products, long row) {
+PADDING = 8
+"""Doubles between two ranges' parts of a scalar product: a cache line."""
+
+
+@struct
+class Dots:
+    """Where launches add a scalar product of their vectors, each range its own part, by iteration."""
+
+    iteration: Ints
+    """The row that is written, shape (1,)."""
+    products: Sums
+    """The products by iteration and range, shape (rows, PADDING * ranges)."""
+
+
+KEEP_PRODUCT = f"""
+    dots.products.data[(long)dots.products.shape[1] * dots.iteration.data[0] + {PADDING} * slab] += product;
+"""
+"""Adds a range's part of a scalar product to the row of the iteration."""
+TOTAL = f"""
+    const auto total = [&](const auto& dots, long row) {{
+        const int size = dots.products.shape[1];
         double sum = 0.0;  // always in this order, so that every thread finds the same bits
-        for (int r = 0; r < ranges; ++r) sum += products.data[products.shape[1] * row + 8 * r];
+        for (int k = 0; k < size; k += {PADDING}) sum += dots.products.data[size * row + k];
         return sum;
-    };
+    }};
 """
 """Adds up the ranges' parts of one scalar product."""
 ALPHA = f"""{TOTAL}
-    const int j = iteration.data[0];
+    const int j = r_dot_z.iteration.data[0];
     const double curvature = total(p_dot_q, j);
     // the solution stays where negative curvature was met, until the window is over
     const double alpha = curvature > 0.0 ? total(r_dot_z, j) / curvature : 0.0;
 """
 """The step along the search direction; 0 where its curvature is not positive."""
 BETA = f"""{TOTAL}
-    const int j = iteration.data[0];
+    const int j = r_dot_z.iteration.data[0];
     const bool negative_curvature = j > 0 && total(p_dot_q, j - 1) < 0.0;
     const double last = j > 0 ? total(r_dot_z, j - 1) : 0.0;
     const double beta = last > 0.0 ? total(r_dot_z, j) / last : 0.0;  // else rounding is left: again along z
@@ -47,16 +66,16 @@ BETA = f"""{TOTAL}
 """beta of p = z + beta p, 0 at the first iteration, and whether the last p had negative curvature."""
 
 
-@wp.func_native(TOTAL + "return total(products, row);")
-def total(products: Sums, row: int, ranges: int) -> wp.float64: ...
+@wp.func_native(TOTAL + "return total(dots, row);")
+def total(dots: Dots, row: int) -> wp.float64: ...
 
 
 @wp.func_native(ALPHA + "return alpha;")
-def find_alpha(iteration: Ints, r_dot_z: Sums, p_dot_q: Sums, ranges: int) -> wp.float64: ...
+def find_alpha(r_dot_z: Dots, p_dot_q: Dots) -> wp.float64: ...
 
 
 @wp.func_native(BETA + "return negative_curvature ? NAN : beta;")
-def find_beta(iteration: Ints, r_dot_z: Sums, p_dot_q: Sums, ranges: int) -> wp.float64: ...
+def find_beta(r_dot_z: Dots, p_dot_q: Dots) -> wp.float64: ...
 
 
 @cache
@@ -70,17 +89,23 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
 
     @wp.kernel(module=module, enable_backward=False)
     def reset_kernel(
-        items: Items, r_dot_z: Doubles, p_dot_q: Doubles, iteration: Ints, outcome: Doubles, running: Ints
+        items: Items,
+        r_dot_z: Dots,
+        p_dot_q: Dots,
+        outcome: Doubles,
+        running: Ints,
     ):
         """Clears what the last solve left; one launch, because clearing each array costs a launch."""
         i = items.first + wp.tid()
         if i < items.end:
-            r_dot_z[i] = wp.float64(0.0)
-            p_dot_q[i] = wp.float64(0.0)
+            row = i // r_dot_z.products.shape[1]
+            column = i % r_dot_z.products.shape[1]
+            r_dot_z.products[row, column] = wp.float64(0.0)
+            p_dot_q.products[row, column] = wp.float64(0.0)
         if i < outcome.shape[0]:
             outcome[i] = wp.float64(0.0)
         if i == 0:
-            iteration[0] = -1  # it is counted where the preconditioner is applied
+            r_dot_z.iteration[0] = -1  # it is counted where the preconditioner is applied
             running[0] = 1
 
     @wp.kernel(module=module, enable_backward=False)
@@ -106,15 +131,13 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     for (int k = 3 * first; k < 3 * end; ++k) p[k] = z[k] + ({real})beta * p[k];
     """,
     )
-    def update_search(
-        ranges: int, iteration: Ints, r_dot_z: Sums, p_dot_q: Sums, preconditioned: Numbers, search: Numbers
-    ):
+    def update_search(r_dot_z: Dots, p_dot_q: Dots, preconditioned: Numbers, search: Numbers):
         """p = z + beta p on the CPU; a direction of negative curvature is kept, for the host to go along it."""
 
     @native_kernel(
         module,
         f"""
-    if (iteration.data[0] < 0) return;
+    if (r_dot_z.iteration.data[0] < 0) return;
     {ALPHA}
     {real}* __restrict__ x = solution.data;
     {real}* __restrict__ r = residual.data;
@@ -127,14 +150,7 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     """,
     )
     def update_solution(
-        ranges: int,
-        iteration: Ints,
-        r_dot_z: Sums,
-        p_dot_q: Sums,
-        search: Numbers,
-        product: Numbers,
-        solution: Numbers,
-        residual: Numbers,
+        r_dot_z: Dots, p_dot_q: Dots, search: Numbers, product: Numbers, solution: Numbers, residual: Numbers
     ):
         """x += alpha p, r -= alpha q on the CPU, but before the first iteration."""
 
@@ -158,15 +174,7 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
 
     @wp.kernel(module=module, enable_backward=False)
     def test_convergence_kernel(
-        ranges: int,
-        most: int,
-        limits: Doubles,
-        r_dot_z: Sums,
-        p_dot_q: Sums,
-        iteration: Ints,
-        measures: Sums,
-        outcome: Doubles,
-        running: Ints,
+        most: int, limits: Doubles, r_dot_z: Dots, p_dot_q: Dots, measures: Sums, outcome: Doubles, running: Ints
     ):
         """Whether the solve continues: limits are an error [mm], a relative one, and least iterations.
 
@@ -177,7 +185,7 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         change = wp.float64(0.0)
         length = wp.float64(0.0)
         finite = wp.float64(0.0)
-        for r in range(ranges):
+        for r in range(measures.shape[0]):
             change = wp.max(change, measures[r, CHANGE])
             length = wp.max(length, measures[r, LENGTH])
             finite += measures[r, SUM]
@@ -194,22 +202,23 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         outcome[SOLUTION_LENGTH] = length
         outcome[ERROR] = error
         outcome[LAST_CHANGE] = change
-        start = total(r_dot_z, 0, ranges)
-        now = total(r_dot_z, iteration[0], ranges)
+        iteration = r_dot_z.iteration[0]
+        start = total(r_dot_z, 0)
+        now = total(r_dot_z, iteration)
         sound = wp.isfinite(finite) and start >= wp.float64(0.0) and now >= wp.float64(0.0)
         if not sound:
             outcome[SOLUTION_LENGTH] = wp.float64(wp.inf)
         running[0] = 0
-        negative_curvature = total(p_dot_q, iteration[0] - 1, ranges) < wp.float64(0.0)
+        negative_curvature = total(p_dot_q, iteration - 1) < wp.float64(0.0)
         outcome[NEGATIVE_CURVATURE] = wp.where(negative_curvature, wp.float64(1.0), wp.float64(0.0))
-        outcome[ITERATIONS] = wp.float64(iteration[0])
+        outcome[ITERATIONS] = wp.float64(iteration)
         outcome[NORM] = wp.sqrt(wp.max(start, wp.float64(0.0)))
         outcome[LEFT] = wp.sqrt(wp.max(now, wp.float64(0.0)))
         wanted = wp.max(limits[0], limits[1] * length)
         # the changes of an ill-conditioned solve can pause: then the residual has not fallen either
         fallen = now <= limits[1] * limits[1] * start
-        early = wp.float64(iteration[0]) < limits[2]
-        inside = sound and not negative_curvature and iteration[0] < most
+        early = wp.float64(iteration) < limits[2]
+        inside = sound and not negative_curvature and iteration < most
         if inside and (error > wanted or early or not fallen):
             running[0] = 1
 

@@ -11,9 +11,9 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from .arguments import Ints, Items, Sums, array_types
-from .conjugate_gradient import find_alpha
-from .native import KEEP_PRODUCT, four_types, native_kernel
+from .arguments import Ints, Items, array_types
+from .conjugate_gradient import KEEP_PRODUCT, Dots, find_alpha
+from .native import four_types, native_kernel
 from .node_groups import MEMBERS
 from .vectors import lane_reducer, sum_reducer
 
@@ -229,8 +229,7 @@ def cpu_grid_kernels(scalar: type) -> SimpleNamespace:
         group_correction: Vectors,
         residual: Vectors,
         correction: Vectors,
-        iteration: Ints,
-        products: Sums,
+        dots: Dots,
     ):
         """z = D^-1 r + P z_coarse, with r . z, kept by iteration, and on the nodes the groups' correction.
 
@@ -392,9 +391,8 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
     @wp.kernel(module=module, enable_backward=False)
     def step_kernel(
         items: Items,
-        iteration: Ints,
-        r_dot_z: Sums,
-        p_dot_q: Sums,
+        r_dot_z: Dots,
+        p_dot_q: Dots,
         p: Numbers,
         q: Numbers,
         x: Numbers,
@@ -405,8 +403,8 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         k = items.first + wp.tid()
         if k < items.end:
             own = r[k]
-            if iteration[0] >= 0:
-                alpha = scalar(find_alpha(iteration, r_dot_z, p_dot_q, 1))
+            if r_dot_z.iteration[0] >= 0:
+                alpha = scalar(find_alpha(r_dot_z, p_dot_q))
                 own -= alpha * q[k]
                 r[k] = own
                 x[k] = x[k] + alpha * p[k]
@@ -515,9 +513,8 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         member_of: Ints,
         group_correction: Numbers,
         residual: Fours,
-        iteration: Ints,
         z: Numbers,
-        r_dot_z: Sums,
+        r_dot_z: Dots,
     ):
         """z = D^-1 r + the groups' correction + the sum of P z_coarse over all grids, and r . z, by iteration."""
         item = items.first + wp.tid()
@@ -542,6 +539,6 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
                 corrected += group_correction[3 * m + c]
             z[k] = corrected
             value = wp.float64(own[c]) * wp.float64(corrected)
-        add(r_dot_z, iteration[0], 0, value)
+        add(r_dot_z.products, r_dot_z.iteration[0], 0, value)
 
     return SimpleNamespace(step=step_kernel, restrict=restrict_kernel, dense=dense_kernel, prolong=prolong_kernel)

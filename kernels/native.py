@@ -16,8 +16,6 @@ FOUR_TYPES = """
 """
 """`three` reads a vector of three numbers as four, which become vector instructions; `loose` reads the number
 after it, too, which is not used."""
-KEEP_PRODUCT = "products.data[(long)products.shape[1] * iteration.data[0] + 8 * slab] += product;"
-"""Adds a range's part of a scalar product to the row of the iteration."""
 
 
 def four_types(scalar: type) -> str:

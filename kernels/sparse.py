@@ -9,9 +9,9 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from .arguments import Ints, Items, Sums, array_types
-from .conjugate_gradient import find_beta
-from .native import KEEP_PRODUCT, four_types, native_kernel
+from .arguments import Ints, Items, array_types
+from .conjugate_gradient import KEEP_PRODUCT, Dots, find_beta
+from .native import four_types, native_kernel
 from .vectors import lane_reducer, sum_reducer
 
 PLANES = 9
@@ -83,10 +83,9 @@ def cpu_product_kernel(scalar: type) -> wp.Kernel:
         row_start: Ints,
         columns: Ints,
         blocks: Blocks,
-        iteration: Ints,
         p: Vectors,
         q: Vectors,
-        products: Sums,
+        dots: Dots,
         carried: Fours,
     ):
         """q = A p, and the part of p . q that this range holds, kept by iteration.
@@ -143,19 +142,18 @@ def cuda_product_kernels(scalar: type) -> SimpleNamespace:
         row_start: Ints,
         columns: Ints,
         planes: Planes,
-        iteration: Ints,
-        r_dot_z: Sums,
+        r_dot_z: Dots,
+        p_dot_q: Dots,
         z: Vectors,
         numbers_of_z: Numbers,
         p: Numbers,
         q: Numbers,
-        p_dot_q: Sums,
     ):
         """p = z + beta p and q = A p, which is A z + beta q, with p . q, in one launch; see `find_beta`."""
         item = items.first + wp.tid()
         i = item // LANES
         c = item % LANES
-        j = iteration[0]
+        j = r_dot_z.iteration[0]
         along = vec3()
         if item < items.end:
             along = part_of_row(planes, columns, z, row_start[i] + c, row_start[i + 1])
@@ -164,7 +162,7 @@ def cuda_product_kernels(scalar: type) -> SimpleNamespace:
         if item < items.end and c < 3:
             k = 3 * i + c
             own = wp.where(c == 0, along[0], wp.where(c == 1, along[1], along[2]))
-            beta = find_beta(iteration, r_dot_z, p_dot_q, 1)
+            beta = find_beta(r_dot_z, p_dot_q)
             if j == 0:
                 p[k] = numbers_of_z[k]
                 q[k] = own
@@ -172,7 +170,7 @@ def cuda_product_kernels(scalar: type) -> SimpleNamespace:
                 p[k] = numbers_of_z[k] + scalar(beta) * p[k]
                 q[k] = own + scalar(beta) * q[k]
             product = wp.float64(p[k]) * wp.float64(q[k])
-        add(p_dot_q, j, 0, product)
+        add(p_dot_q.products, j, 0, product)
 
     return SimpleNamespace(
         split_planes=split_planes_kernel, update_search_and_multiply=update_search_and_multiply_kernel

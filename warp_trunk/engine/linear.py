@@ -6,18 +6,21 @@ import math
 from dataclasses import dataclass
 from enum import Enum
 from functools import partial
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import warp as wp
 
+from warp_trunk.kernels.arguments import filled
 from warp_trunk.kernels.conjugate_gradient import (
     ERROR,
     ITERATIONS,
     LEFT,
     NEGATIVE_CURVATURE,
     NORM,
+    PADDING,
     SOLUTION_LENGTH,
+    Dots,
     conjugate_gradient_kernels,
 )
 from warp_trunk.kernels.sparse import LANES, PLANES, cpu_product_kernel, cuda_product_kernels, diagonal_inverter
@@ -33,24 +36,13 @@ WINDOW = 4
 """Iterations between two tests of convergence. With 8, the papers' way took 448 iterations instead of 288."""
 SHORT_WINDOW = 2
 """The same of a solve from near its end, which needs few iterations."""
-PADDING = 8
-"""Doubles between two ranges' parts of a scalar product: a cache line."""
 
 
-@dataclass(frozen=True)
-class Dots:
-    """Where launches add a scalar product of their vectors, each range its own part, by iteration."""
-
-    iteration: wp.array
-    """The row that is written, shape (1,), int32."""
-    products: wp.array
-    """The products by iteration and range, shape (rows, PADDING * ranges), float64."""
-
-    @classmethod
-    def zero(cls, model: Model, iteration: wp.array | None = None, rows: int = 1) -> Dots:
-        """Room for the products of some iterations, or for one that is not read."""
-        counter = model.zeros(wp.int32, 1) if iteration is None else iteration
-        return cls(counter, model.zeros(wp.float64, rows, PADDING * model.parallel.ranges))
+def zero_dots(model: Model, iteration: wp.array | None = None, rows: int = 1) -> Dots:
+    """Room for the products of some iterations, or for one that is not read."""
+    counter = model.zeros(wp.int32, 1) if iteration is None else iteration
+    products = model.zeros(wp.float64, rows, PADDING * model.parallel.ranges)
+    return filled(Dots, iteration=counter, products=products)
 
 
 @dataclass(frozen=True)
@@ -76,13 +68,9 @@ class Iterates:
     def zero(cls, model: Model, rows: int) -> Iterates:
         """All of them zero, with room for the products of some iterations and none counted."""
         iteration = model.array(np.array([-1]), wp.int32)
-        r_dot_z, p_dot_q = (Dots.zero(model, iteration, rows) for _ in range(2))
+        r_dot_z, p_dot_q = (zero_dots(model, iteration, rows) for _ in range(2))
         x, r, z, p, q = (model.free_vectors() for _ in range(5))
         return cls(x, r, z, p, q, r_dot_z, p_dot_q)
-
-    def scalars(self, model: Model) -> list[Any]:
-        """The arguments of kernels of the CPU that find alpha or beta."""
-        return [model.parallel.ranges, self.r_dot_z.iteration, self.r_dot_z.products, self.p_dot_q.products]
 
 
 class Preconditioner(Protocol):
@@ -154,31 +142,30 @@ class BlockMatrix:
         if model.parallel.is_cuda:
             unused = model.free_vectors()
             return self.update_search_and_multiply(
-                Iterates(unused, unused, p, unused, q, Dots.zero(model), p_dot_q)
+                Iterates(unused, unused, p, unused, q, zero_dots(model), p_dot_q)
             )
         carried = model.zeros(wp.types.vector(4, model.scalar), len(p))
-        given = [self.row_start, self.columns, self.blocks, p_dot_q.iteration, p]
-        changed = [q, p_dot_q.products, carried]
-        return model.parallel.record(cpu_product_kernel(model.scalar), self.bounds, given, changed)
+        given = [self.row_start, self.columns, self.blocks, p]
+        return model.parallel.record(cpu_product_kernel(model.scalar), self.bounds, given, [q, p_dot_q, carried])
 
     def update_search_and_multiply(self, at: Iterates) -> Launch:
         """Records p = z + beta p and q = H p with p . q."""
-        model, dots = self.model, at.r_dot_z
+        model, dots = self.model, [at.r_dot_z, at.p_dot_q]
         z, p, q = (view(v, model.scalar, 3 * len(v)) for v in (at.preconditioned, at.search, at.product))
         if model.parallel.is_cuda:
-            given = [self.row_start, self.columns, self._planes, dots.iteration, dots.products, at.preconditioned]
+            given = [self.row_start, self.columns, self._planes, *dots, at.preconditioned]
             kernel = cuda_product_kernels(model.scalar).update_search_and_multiply
             size = LANES * model.free_nodes
-            return model.parallel.record(kernel, size, [*given, z], [p, q, at.p_dot_q.products])
+            return model.parallel.record(kernel, size, [*given, z], [p, q])
         update_search = conjugate_gradient_kernels(*model.variant).update_search
-        update = model.parallel.record(update_search, self.bounds, [*at.scalars(model), z], [p])
+        update = model.parallel.record(update_search, self.bounds, [*dots, z], [p])
         return in_sequence(update, self.multiply(at.search, at.product, at.p_dot_q))
 
     def update_solution(self, at: Iterates) -> Launch:
         """Records x += alpha p and r -= alpha q, but before the first iteration, on the CPU."""
         model, kernels = self.model, conjugate_gradient_kernels(*self.model.variant)
         p, q, x, r = (view(v, model.scalar, 3 * len(v)) for v in (at.search, at.product, at.solution, at.residual))
-        given = [*at.scalars(model), p, q]
+        given = [at.r_dot_z, at.p_dot_q, p, q]
         return model.parallel.record(kernels.update_solution, self.bounds, given, [x, r])
 
 
@@ -236,11 +223,11 @@ class ConjugateGradient:
         ranges, parallel = model.parallel.ranges, model.parallel
         self._most_iterations = most_iterations
         at, running = Iterates.zero(model, most_iterations + WINDOW + 1), model.zeros(wp.int32, 1)
-        iteration, r_dot_z, p_dot_q = at.r_dot_z.iteration, at.r_dot_z.products, at.p_dot_q.products
+        dots = [at.r_dot_z, at.p_dot_q]
         self._limits, outcome = model.zeros(wp.float64, 3), model.zeros(wp.float64, ITERATIONS + 1)
         self._set_limits: tuple[float, ...] = ()
         self._outcome, self._r_dot_z, self._p_dot_q = (
-            Readback(parallel, array) for array in (outcome, r_dot_z, p_dot_q)
+            Readback(parallel, array) for array in (outcome, at.r_dot_z.products, at.p_dot_q.products)
         )
         self.solution, self.residual, self.search = x, r, p = at.solution, at.residual, at.search
         precondition = preconditioner.step_and_apply(at)
@@ -252,12 +239,11 @@ class ConjugateGradient:
         self._test_convergence = parallel.record_undivided(
             kernels.test_convergence,
             1,
-            [ranges, most_iterations, self._limits, r_dot_z, p_dot_q, iteration],
+            [most_iterations, self._limits, *dots],
             [measures, outcome, running],
         )
-        size = math.prod(r_dot_z.shape)
-        flat = [view(products, wp.float64, size) for products in (r_dot_z, p_dot_q)]
-        self._reset = parallel.record(kernels.reset, size, [], [*flat, iteration, outcome, running])
+        size = math.prod(at.r_dot_z.products.shape)
+        self._reset = parallel.record(kernels.reset, size, [], [*dots, outcome, running])
         self._amount, self.noise = model.zeros(wp.float64, 1), model.free_vectors()
         add_noise = model.over_free(vector_kernels(*model.variant).step, [self._amount, r, self.noise], [r])
 

@@ -21,7 +21,7 @@ from warp_trunk.errors import InputError
 
 from .constants import STIFFNESS, Constant, weight_derivative
 from .coupling import Coupling
-from .linear import ConjugateGradient, Dots, Outcome
+from .linear import ConjugateGradient, Outcome, zero_dots
 from .model import Model
 from .newton import Relaxer
 from .relaxation import RelaxStatus
@@ -88,7 +88,7 @@ class Linearization:
         matrix, preconditioner = relaxer.assemble_true(model.array(increment.from_rest, model.vec3))
         self._coupling = Coupling(self._state)
         self._right_side, self._guess, self._product = (model.free_vectors() for _ in range(3))
-        self._multiply = matrix.multiply(self._guess, self._product, Dots.zero(model))
+        self._multiply = matrix.multiply(self._guess, self._product, zero_dots(model))
         self._solver = ConjugateGradient(matrix, preconditioner, self._right_side, MOST_ITERATIONS)
 
     def newton_correction(self) -> np.ndarray:

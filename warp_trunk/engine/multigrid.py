@@ -35,7 +35,7 @@ from warp_trunk.kernels.sparse import diagonal_inverter
 
 from .dense_inverse import DenseInverse, DenseProduct, invert
 from .grids import Grids, Interpolation, lay_grids
-from .linear import BlockMatrix, Dots, Iterates
+from .linear import BlockMatrix, Iterates, zero_dots
 from .model import Model
 from .node_groups import NodeGroups
 from .parallel import Launch, beside, in_sequence, view
@@ -151,8 +151,8 @@ class CpuLevels:
             rows = equal_parts(by_vertex[0].numpy(), len(matrix.bounds) - 1)
             down.append(record(kernels.restrict, rows, [*by_vertex, r], [residual]))
             interpolate = [diagonal, *grid.by_point, correction, *members, r]
-            up.append(record(kernels.prolong, bounds, interpolate, [z, dots.iteration, dots.products]))
-            r, z, dots, bounds = residual, correction, Dots.zero(model), matrix.split(grid.vertices)
+            up.append(record(kernels.prolong, bounds, interpolate, [z, dots]))
+            r, z, dots, bounds = residual, correction, zero_dots(model), matrix.split(grid.vertices)
             members = [model.zeros(wp.int32, 0), model.zeros(model.vec3, 0)]
         solve = self._inverse.record(r, z, at.r_dot_z.iteration, matrix.split(self._inverse.strips))
         correct = groups.correct(at.residual)
@@ -214,7 +214,6 @@ class CudaLevels:
         matrix, groups, kernels, model = self._matrix, self._groups, self._kernels, self._matrix.model
         record = model.parallel.record
         rows, columns = len(self._scale), self._inverse.shape[1]
-        iteration, r_dot_z, p_dot_q = at.r_dot_z.iteration, at.r_dot_z.products, at.p_dot_q.products
         vec4: Any = wp.types.vector(4, model.scalar)
         residual, correction = model.zeros(vec4, model.free_nodes), model.zeros(vec4, self._vertices)
         coarsest_residual = model.zeros(wp.float32, columns)
@@ -229,7 +228,7 @@ class CudaLevels:
             record(
                 kernels.step,
                 3 * model.free_nodes,
-                [iteration, r_dot_z, p_dot_q, numbers(at.search), numbers(at.product)],
+                [at.r_dot_z, at.p_dot_q, numbers(at.search), numbers(at.product)],
                 [numbers(at.solution), numbers(at.residual), view(residual, model.scalar, 4 * len(residual))],
             ),
             record(
@@ -243,7 +242,7 @@ class CudaLevels:
                 kernels.dense,
                 rows * ROW_LANES,
                 [self._inverse, self._scale, coarsest_residual],
-                [view(correction, model.scalar, 4 * self._vertices), iteration],
+                [view(correction, model.scalar, 4 * self._vertices), at.r_dot_z.iteration],
             ),
             record(
                 kernels.prolong,
@@ -255,9 +254,8 @@ class CudaLevels:
                     groups.member_of,
                     numbers(groups.correction),
                     residual,
-                    iteration,
                 ],
-                [numbers(at.preconditioned), r_dot_z],
+                [numbers(at.preconditioned), at.r_dot_z],
             ),
         )
 

@@ -14,7 +14,7 @@ from warp_trunk.kernels.vectors import vector_kernels
 from .certify import chance_of_saddle
 from .grids import Grids
 from .line_search import Trial
-from .linear import BlockMatrix, ConjugateGradient, Dots, LinearSolution
+from .linear import BlockMatrix, ConjugateGradient, LinearSolution, zero_dots
 from .multigrid import Multigrid
 from .parallel import Readback
 from .policy import POLICY, Plan
@@ -51,7 +51,7 @@ class Work:
         white = model.array(np.random.default_rng(0).standard_normal((model.free_nodes, 3)), model.vec3)
         self._color = model.over_free(kernels.color, [self.matrix.inverse_diagonal, white], [self._solver.noise])
         self._grids_at_rest = True
-        self._curved, curvature = model.free_vectors(), Dots.zero(model)
+        self._curved, curvature = model.free_vectors(), zero_dots(model)
         self._multiply = self.matrix.multiply(self._curved, model.free_vectors(), curvature)
         self._curvature, self._clear_curvature = (
             Readback(model.parallel, curvature.products),

@@ -12,7 +12,7 @@ from support.continuum import Continuum
 from support.meshes import block_with_bone
 from support.models import evaluated, model_of, on_host
 from support.reference import Reference
-from warp_trunk.engine.linear import BlockMatrix, ConjugateGradient, Dots, Outcome
+from warp_trunk.engine.linear import BlockMatrix, ConjugateGradient, Outcome, zero_dots
 from warp_trunk.engine.multigrid import Multigrid
 from warp_trunk.engine.state import State
 
@@ -36,7 +36,7 @@ def test_the_matrix_multiplies(threads: int) -> None:
     rows = len(matrix.inverse_diagonal)
     vector = np.random.default_rng(2).normal(size=(rows, 3))
     p, q = (wp.array(vector, dtype=wp.vec3d, device="cpu") for _ in range(2))
-    dots = Dots.zero(state.model)
+    dots = zero_dots(state.model)
     matrix.multiply(p, q, dots)()
     wanted = (on_host(matrix) @ vector.ravel()).reshape(rows, 3)
     np.testing.assert_allclose(q.numpy(), wanted, atol=1e-12 * np.abs(wanted).max())
