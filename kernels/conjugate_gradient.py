@@ -45,6 +45,7 @@ TOTAL = f"""
     const auto total = [&](const auto& dots, long row) {{
         const int size = dots.products.shape[1];
         double sum = 0.0;  // always in this order, so that every thread finds the same bits
+        #pragma unroll 1  // CUDA has one range
         for (int k = 0; k < size; k += {PADDING}) sum += dots.products.data[size * row + k];
         return sum;
     }};

@@ -14,12 +14,13 @@ import warp as wp
 from .arguments import Ints, Items, array_types
 from .conjugate_gradient import KEEP_PRODUCT, Dots, find_alpha
 from .native import four_types, native_kernel
-from .node_groups import MEMBERS
-from .vectors import lane_reducer, sum_reducer
+from .node_groups import MEMBERS, groups_type
+from .vectors import component, lane_reducer, sum_reducer
 
 vec8i = wp.types.vector(8, wp.int32)
 Cells = wp.array[vec8i]
-Halves = wp.array[wp.float16]
+Halves, HalfRows = wp.array[wp.float16], wp.array2d[wp.float16]
+Shorts = wp.array[wp.int16]
 Singles = wp.array[wp.float32]
 CORNERS = 8
 """Corners of a cell."""
@@ -170,8 +171,8 @@ PROLONG = """
         const real* r = x + 3 * i;
         four z = r[0] * three(m) + r[1] * three(m + 3) + r[2] * three(m + 6);
         for (wp::int32 k = 8 * i; k < 8 * i + 8; ++k) z += w[k] * *(const loose*)(from + 3 * at[k]);
-        const wp::int32 member = member_of.data ? member_of.data[i] : -1;
-        if (member >= 0) z += three((const real*)group_correction.data + 3 * member);
+        const wp::int32 member = groups.member_of.data ? groups.member_of.data[i] : -1;
+        if (member >= 0) z += three((const real*)groups.correction.data + 3 * member);
         y[3 * i] = z[0];
         y[3 * i + 1] = z[1];
         y[3 * i + 2] = z[2];
@@ -212,7 +213,7 @@ DENSE = """
 def cpu_grid_kernels(scalar: type) -> SimpleNamespace:
     """The kernels `restrict`, `prolong` and `dense` of one grid on the CPU."""
     Numbers, Vectors, Blocks = array_types(scalar)
-    Weights = wp.array[wp.types.vector(8, scalar)]
+    Weights, Groups = wp.array[wp.types.vector(8, scalar)], groups_type(scalar)
     types, module = four_types(scalar), f"cpu_grids_{scalar.__name__}"
 
     @native_kernel(module, types + RESTRICT)
@@ -225,8 +226,7 @@ def cpu_grid_kernels(scalar: type) -> SimpleNamespace:
         vertex: Cells,
         weight: Weights,
         coarse: Vectors,
-        member_of: Ints,
-        group_correction: Vectors,
+        groups: Groups,
         residual: Vectors,
         correction: Vectors,
         dots: Dots,
@@ -237,14 +237,7 @@ def cpu_grid_kernels(scalar: type) -> SimpleNamespace:
         """
 
     @native_kernel(module, types + DENSE)
-    def dense(
-        size: int,
-        inverse: wp.array[wp.int16],
-        scale: Numbers,
-        residual: Numbers,
-        solution: Numbers,
-        iteration: Ints,
-    ):
+    def dense(size: int, inverse: Shorts, scale: Numbers, residual: Numbers, solution: Numbers, iteration: Ints):
         """S A S r of strips, A in parts of `WHOLE`: of each strip column after column.
 
         It counts the iteration, too, because here its number is not read.
@@ -293,7 +286,7 @@ for (int k = lane; k < matrix.shape[1] / 8; k += 32) {{
 }}
 return sum;
 """)
-def part_of_product(matrix: wp.array2d[wp.float16], vector: Singles, row: wp.int32, lane: wp.int32) -> wp.float32:
+def part_of_product(matrix: HalfRows, vector: Singles, row: wp.int32, lane: wp.int32) -> wp.float32:
     """Contribution of one of ROW_LANES threads to a row of a product; it reads OCTET numbers at once, past the
     cache."""
     ...
@@ -307,8 +300,8 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
     """
     add, add_lanes, add_row = sum_reducer(True), lane_reducer(scalar), lane_reducer(wp.float32)
     vec3, vec4 = (wp.types.vector(size, scalar) for size in (3, 4))
-    Numbers, Vectors, Blocks = array_types(scalar)
-    Fours, Places = wp.array[vec4], wp.array[number]
+    Numbers, _, Blocks = array_types(scalar)
+    Fours, Places, Groups = wp.array[vec4], wp.array[number], groups_type(scalar)
     module = f"cuda_grids_{scalar.__name__}_{number.__name__}"
     corner, reads = ("unsigned short", 1) if number is wp.uint16 else ("int", 2)
     real = "float" if scalar is wp.float32 else "double"
@@ -421,12 +414,7 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         inverse_diagonal: Blocks,
         scale: wp.array[wp.vec3f],
         residual: Fours,
-        group_of_member: Ints,
-        first_of_group: Ints,
-        start_of_group: Ints,
-        node_of_member: Ints,
-        inverse_of_group: Numbers,
-        group_correction: Vectors,
+        groups: Groups,
         coarsest_residual: wp.array[wp.vec3f],
         correction: Fours,
     ):
@@ -455,26 +443,23 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
             stop = row_start[v + 1]
         total = part_of_residual(point, weight, residual, begin, stop, lanes)
         if item < items.end and m >= 0:
-            group = group_of_member[m]
-            size = 3 * (first_of_group[group + 1] - first_of_group[group])
+            group = groups.group_of[m]
+            own_first = groups.first[group]
+            size = 3 * (groups.first[group + 1] - own_first)
             k = item % lanes
             if 3 * k < size:
-                own = residual[node_of_member[first_of_group[group] + k]]
-                row = start_of_group[group] + 3 * size * (m - first_of_group[group]) + 3 * k
+                own = residual[groups.nodes[own_first + k]]
+                row = groups.start[group] + 3 * size * (m - own_first) + 3 * k
                 for c in range(3):
-                    at = row + size * c
-                    total[c] = (
-                        inverse_of_group[at] * own[0]
-                        + inverse_of_group[at + 1] * own[1]
-                        + inverse_of_group[at + 2] * own[2]
-                    )
+                    for n in range(3):
+                        total[c] += groups.inverse[row + size * c + n] * own[n]
         near = wp.min(lanes, VERTEX_LANES)
         total = vec3(add_lanes(total[0], near), add_lanes(total[1], near), add_lanes(total[2], near))
         if item < blocks:
             total = add_warps(total)
         if item < items.end and item % lanes == 0:
             if m >= 0:
-                group_correction[m] = total
+                groups.correction[m] = total
             elif v < coarsest:
                 single = wp.vec3f(wp.float32(total[0]), wp.float32(total[1]), wp.float32(total[2]))
                 coarsest_residual[v] = wp.cw_mul(scale[v], single)
@@ -484,12 +469,7 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
 
     @wp.kernel(module=module, enable_backward=False)
     def dense_kernel(
-        items: Items,
-        inverse: wp.array2d[wp.float16],
-        scale: Singles,
-        residual: Singles,
-        correction: Numbers,
-        iteration: Ints,
+        items: Items, inverse: HalfRows, scale: Singles, residual: Singles, correction: Numbers, iteration: Ints
     ):
         """The product with a dense inverse. It counts the iteration, too, because here its number is not read."""
         item = items.first + wp.tid()
@@ -510,8 +490,7 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         vertex: Places,
         weight: Halves,
         coarse: Fours,
-        member_of: Ints,
-        group_correction: Numbers,
+        groups: Groups,
         residual: Fours,
         z: Numbers,
         r_dot_z: Dots,
@@ -531,14 +510,14 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         value = wp.float64(0.0)
         if item < items.end and c < 3:
             own = residual[i]
-            corrected = wp.where(c == 0, total[0], wp.where(c == 1, total[1], total[2]))
+            corrected = component(total, c)
             for n in range(3):
                 corrected += inverse_diagonal[3 * k + n] * own[n]
-            m = member_of[i]
+            m = groups.member_of[i]
             if m >= 0:
-                corrected += group_correction[3 * m + c]
+                corrected += component(groups.correction[m], c)
             z[k] = corrected
-            value = wp.float64(own[c]) * wp.float64(corrected)
+            value = wp.float64(component(own, c)) * wp.float64(corrected)
         add(r_dot_z.products, r_dot_z.iteration[0], 0, value)
 
     return SimpleNamespace(step=step_kernel, restrict=restrict_kernel, dense=dense_kernel, prolong=prolong_kernel)

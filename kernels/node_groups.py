@@ -1,15 +1,15 @@
 """The inverses of the blocks of nodes that stiff links tie, and their part of the preconditioner.
 
-The nodes of group g are `nodes[first[g]]` to the next group's first; its block, row after row, starts at
-`start[g]`. On CUDA a warp inverts a block, each of its threads a column in registers, and the restriction to
+On CUDA a warp inverts a block, each of its threads a column in registers, and the restriction to
 the grids applies the inverses; on the CPU a range of groups is a loop in C++."""
 
 from functools import cache
 from types import SimpleNamespace
+from typing import Any
 
 import warp as wp
 
-from .arguments import Ints, array_types
+from .arguments import Ints, array_types, struct
 from .native import native_kernel
 
 MEMBERS = 8
@@ -22,8 +22,8 @@ FLOOR = 1e-4
 """The least pivot of a block, in parts of its diagonal: rounding of float32 leaves no less of tied nodes."""
 
 GROUP = """
-    const int own = first_of.data[group], count = first_of.data[group + 1] - own, size = 3 * count;
-    const int at = start.data[group];
+    const int own = groups.first.data[group], count = groups.first.data[group + 1] - own, size = 3 * count;
+    const int at = groups.start.data[group];
 """
 
 # Gauss and Jordan in place. A pivot below its floor is raised, as if the diagonal had been so: the inverse stays
@@ -37,8 +37,8 @@ ENTRY = f"""
         return block > 0 ? m.data[i % 3][j % 3] : m.data[j % 3][i % 3];
     }};
     const auto keep = [&](int i, int j, real value) {{  // less the inverses of the nodes' own blocks
-        if (i / 3 == j / 3) value -= inverse_diagonal.data[nodes.data[own + i / 3]].data[i % 3][j % 3];
-        inverse.data[at + size * i + j] = value;
+        if (i / 3 == j / 3) value -= inverse_diagonal.data[groups.nodes.data[own + i / 3]].data[i % 3][j % 3];
+        groups.inverse.data[at + size * i + j] = value;
     }};
 """
 
@@ -96,41 +96,56 @@ INVERT_ON_CPU = f"""
 CORRECT_ON_CPU = f"""
     for (int group = first; group < end; ++group) {{
         {GROUP}
-        const real* row = inverse.data + at;
+        const real* row = groups.inverse.data + at;
         real x[{ROWS}];
-        for (int i = 0; i < size; ++i) x[i] = residual.data[nodes.data[own + i / 3]][i % 3];
+        for (int i = 0; i < size; ++i) x[i] = residual.data[groups.nodes.data[own + i / 3]][i % 3];
         for (int i = 0; i < size; ++i, row += size) {{
             real sum = 0;
             for (int j = 0; j < size; ++j) sum += row[j] * x[j];
-            correction.data[own + i / 3][i % 3] = sum;
+            groups.correction.data[own + i / 3][i % 3] = sum;
         }}
     }}
 """
 
 
 @cache
+def groups_type(scalar: type) -> Any:
+    """Groups of nodes, in one precision."""
+    Numbers, Vectors, _ = array_types(scalar)
+
+    @struct
+    class Groups:
+        first: Ints
+        """The first member of each group, and their number."""
+        start: Ints
+        """Where the inverse of its block begins, row after row."""
+        nodes: Ints
+        """The node of each member."""
+        inverse: Numbers
+        """The inverses of the blocks, less those of the nodes' own blocks."""
+        group_of: Ints
+        """The group of each member."""
+        member_of: Ints
+        """The member that each node is, -1 for none."""
+        correction: Vectors
+        """The part of z that is added at each member."""
+
+    return Groups
+
+
+@cache
 def node_group_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     """The kernels `invert`, which has WARP items a group on CUDA, and, on the CPU, `correct` in one precision."""
-    Numbers, Vectors, Blocks = array_types(scalar)
+    Groups, (_, Vectors, Blocks) = groups_type(scalar), array_types(scalar)
     module = f"node_groups_{scalar.__name__}_{'cuda' if cuda else 'cpu'}"
     real = f"typedef {'float' if scalar is wp.float32 else 'double'} real;\n"
 
     @native_kernel(module, real + (INVERT_ON_CUDA if cuda else INVERT_ON_CPU))
-    def invert(
-        first_of: Ints,
-        start: Ints,
-        nodes: Ints,
-        block_of: Ints,
-        blocks: Blocks,
-        inverse_diagonal: Blocks,
-        inverse: Numbers,
-    ):
+    def invert(groups: Groups, block_of: Ints, blocks: Blocks, inverse_diagonal: Blocks):
         """The inverse of each group's block, less the inverses of its nodes' own blocks."""
 
     @native_kernel(module, real + CORRECT_ON_CPU)
-    def correct(
-        first_of: Ints, start: Ints, nodes: Ints, inverse: Numbers, residual: Vectors, correction: Vectors
-    ):
+    def correct(groups: Groups, residual: Vectors):
         """That matrix times the residual of the members of each group, on the CPU."""
 
     return SimpleNamespace(invert=invert, correct=correct)

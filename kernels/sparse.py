@@ -12,7 +12,7 @@ import warp as wp
 from .arguments import Ints, Items, array_types
 from .conjugate_gradient import KEEP_PRODUCT, Dots, find_beta
 from .native import four_types, native_kernel
-from .vectors import lane_reducer, sum_reducer
+from .vectors import component, lane_reducer, sum_reducer
 
 PLANES = 9
 """Numbers of a block."""
@@ -161,7 +161,7 @@ def cuda_product_kernels(scalar: type) -> SimpleNamespace:
         product = wp.float64(0.0)
         if item < items.end and c < 3:
             k = 3 * i + c
-            own = wp.where(c == 0, along[0], wp.where(c == 1, along[1], along[2]))
+            own = component(along, c)
             beta = find_beta(r_dot_z, p_dot_q)
             if j == 0:
                 p[k] = numbers_of_z[k]

@@ -14,6 +14,12 @@ from .arguments import Doubles, Items, Sums, array_types
 from .native import native_kernel
 
 
+@wp.func
+def component(v: Any, c: int):
+    """v[c], which CUDA would read from memory where c is not known in advance."""
+    return wp.where(c == 0, v[0], wp.where(c == 1, v[1], v[2]))
+
+
 @cache
 def sum_reducer(cuda: bool) -> Any:
     """The function that adds a value of every item into sums[row, column]; see `sums_reducer`."""

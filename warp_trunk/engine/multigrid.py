@@ -31,6 +31,7 @@ from warp_trunk.kernels.multigrid import (
     grid_matrix_kernels,
     vec8i,
 )
+from warp_trunk.kernels.node_groups import groups_type
 from warp_trunk.kernels.sparse import diagonal_inverter
 
 from .dense_inverse import DenseInverse, DenseProduct, invert
@@ -140,7 +141,7 @@ class CpuLevels:
         matrix, groups, model = self._matrix, self._groups, self._matrix.model
         kernels, record = cpu_grid_kernels(model.scalar), model.parallel.record
         r, z, dots = at.residual, at.preconditioned, at.r_dot_z
-        bounds, members = matrix.bounds, [groups.member_of, groups.correction]
+        bounds, members = matrix.bounds, groups.arrays
         down: list[Launch] = []
         up: list[Launch] = []
         for grid, diagonal in zip(self._grids, [matrix.inverse_diagonal, *self._inverse_diagonals], strict=True):
@@ -150,10 +151,10 @@ class CpuLevels:
             by_vertex = grid.by_vertex()
             rows = equal_parts(by_vertex[0].numpy(), len(matrix.bounds) - 1)
             down.append(record(kernels.restrict, rows, [*by_vertex, r], [residual]))
-            interpolate = [diagonal, *grid.by_point, correction, *members, r]
+            interpolate = [diagonal, *grid.by_point, correction, members, r]
             up.append(record(kernels.prolong, bounds, interpolate, [z, dots]))
             r, z, dots, bounds = residual, correction, zero_dots(model), matrix.split(grid.vertices)
-            members = [model.zeros(wp.int32, 0), model.zeros(model.vec3, 0)]
+            members = groups_type(model.scalar)()  # none
         solve = self._inverse.record(r, z, at.r_dot_z.iteration, matrix.split(self._inverse.strips))
         correct = groups.correct(at.residual)
         return in_sequence(matrix.update_solution(at), beside(correct, in_sequence(*down)), solve, *up[::-1])
@@ -222,7 +223,7 @@ class CudaLevels:
             return view(array, model.scalar, 3 * len(array))
 
         scale = view(self._scale, wp.vec3f, self._coarsest)
-        others = self._vertices - self._coarsest - self._far + len(groups.group_of)
+        others = self._vertices - self._coarsest - self._far + len(groups.arrays.group_of)
         grids = [self._coarsest, self._far, *self._by_vertex, self._inverse_diagonal, scale]
         return in_sequence(
             record(
@@ -234,7 +235,7 @@ class CudaLevels:
             record(
                 kernels.restrict,
                 self._coarsest * BLOCK_LANES + self._far * VERTEX_LANES + others * FEW_LANES,
-                [*grids, residual, groups.group_of, *groups.given, groups.correction],
+                [*grids, residual, groups.arrays],
                 [view(coarsest_residual, wp.vec3f, self._coarsest), correction],
                 block=BLOCK_LANES,
             ),
@@ -251,8 +252,7 @@ class CudaLevels:
                     view(matrix.inverse_diagonal, model.scalar, 9 * model.free_nodes),
                     *self._by_node,
                     correction,
-                    groups.member_of,
-                    numbers(groups.correction),
+                    groups.arrays,
                     residual,
                 ],
                 [numbers(at.preconditioned), at.r_dot_z],

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import warp as wp
 
-from warp_trunk.kernels.node_groups import MEMBERS, WARP, node_group_kernels
+from warp_trunk.kernels.arguments import filled
+from warp_trunk.kernels.node_groups import MEMBERS, WARP, groups_type, node_group_kernels
 
 from .linear import BlockMatrix
 from .parallel import Launch
@@ -25,14 +28,8 @@ class NodeGroups:
 
     members: list[list[int]]
     """The nodes of each group, ascending."""
-    given: list[wp.array]
-    """Arguments of kernels: first member and start of the inverse of each group, nodes of members, inverses."""
-    group_of: wp.array
-    """The group of each member, shape (members,), int32."""
-    member_of: wp.array
-    """The member that each free node is, -1 for none, shape (free nodes,), int32."""
-    correction: wp.array
-    """The part of z that is added at each member, shape (members,), vec3."""
+    arrays: Any
+    """Their nodes, inverses and corrections, as kernels take them; see `groups_type`."""
 
     def __init__(self, matrix: BlockMatrix) -> None:
         """Ties the nodes by the matrix as it is."""
@@ -50,26 +47,30 @@ class NodeGroups:
         block_of = np.where(keys[at] == wanted, np.where(one <= other, 1, -1) * (upper[at] + 1), 0)
         start = 9 * np.cumsum([0, *count**2])
         nodes = np.array([node for group in groups for node in group], dtype=np.int64)
-        where = [model.array(each, wp.int32) for each in (np.cumsum([0, *count]), start, nodes)]
-        inverse = model.zeros(model.scalar, int(start[-1]))
-        self.given = [*where, inverse]
         member_of = np.full(model.free_nodes, -1)
         member_of[nodes] = np.arange(len(nodes))
-        self.group_of = model.array(np.repeat(np.arange(len(groups)), count), wp.int32)
-        self.member_of = model.array(member_of, wp.int32)
-        self.correction = model.zeros(model.vec3, max(len(nodes), 1))
+        self.arrays = filled(
+            groups_type(model.scalar),
+            first=model.array(np.cumsum([0, *count]), wp.int32),
+            start=model.array(start, wp.int32),
+            nodes=model.array(nodes, wp.int32),
+            inverse=model.zeros(model.scalar, int(start[-1])),
+            group_of=model.array(np.repeat(np.arange(len(groups)), count), wp.int32),
+            member_of=model.array(member_of, wp.int32),
+            correction=model.zeros(model.vec3, max(len(nodes), 1)),
+        )
         self._correct, self._bounds = node_group_kernels(*model.variant).correct, matrix.split(len(groups))
         self.update: Launch = model.parallel.record(
             node_group_kernels(*model.variant).invert,
             (WARP if model.parallel.is_cuda else 1) * self._bounds,
-            [*where, model.array(block_of, wp.int32), matrix.blocks, matrix.inverse_diagonal],
-            [inverse],
+            [self.arrays, model.array(block_of, wp.int32), matrix.blocks, matrix.inverse_diagonal],
+            [],
         )
         """Sets the groups' blocks to those of the matrix as it is, projected, and inverts them."""
 
     def correct(self, r: wp.array) -> Launch:
         """Records, on the CPU, the corrections for a residual of the free nodes, shape (free nodes,), vec3."""
-        return self._model.parallel.record(self._correct, self._bounds, [*self.given, r], [self.correction])
+        return self._model.parallel.record(self._correct, self._bounds, [self.arrays, r], [])
 
 
 def tie(rows: np.ndarray, columns: np.ndarray, blocks: np.ndarray, size: int) -> list[list[int]]:
