@@ -98,4 +98,4 @@ def test_groups_of_tied_nodes_are_inverted_as_a_whole() -> None:
         wanted[group] = solved - (own[group] @ vector[group][:, :, None])[:, :, 0]
     found, members = groups.arrays.correction.numpy(), [node for group in groups.members for node in group]
     assert found == pytest.approx(wanted[members], rel=1e-4, abs=1e-4 * np.abs(wanted).max())
-    assert groups.member_of.numpy()[members].tolist() == list(range(len(members)))
+    assert groups.arrays.member_of.numpy()[members].tolist() == list(range(len(members)))
