@@ -29,6 +29,7 @@ class Items:
 
 Flags = wp.array[wp.int8]
 Ints = wp.array[wp.int32]
+Points = wp.array[wp.vec3d]
 Doubles = wp.array[wp.float64]
 Sums = wp.array2d[wp.float64]
 """By slab or iteration, and column."""

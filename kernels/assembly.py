@@ -144,7 +144,7 @@ def block_storer(scalar: type):
     """)
     def store_blocks(
         parts: Numbers,
-        item: wp.int32,
+        item: int,
         oo: mat33,
         oa: mat33,
         ob: mat33,
@@ -174,9 +174,7 @@ def gather_kernels(scalar: type) -> SimpleNamespace:
     }
     return sum;
     """)
-    def sum_of_parts(
-        parts: Numbers, place: Ints, first: wp.int32, end: wp.int32, along: wp.int32, across: wp.int32
-    ) -> scalar:
+    def sum_of_parts(parts: Numbers, place: Ints, first: int, end: int, along: int, across: int) -> scalar:
         """The sum of one number of several blocks; a place below 0 is that of a transposed one."""
         ...
 

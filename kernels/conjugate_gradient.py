@@ -89,13 +89,7 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     module = f"conjugate_gradient_{scalar.__name__}_{'cuda' if cuda else 'cpu'}"
 
     @wp.kernel(module=module, enable_backward=False)
-    def reset_kernel(
-        items: Items,
-        r_dot_z: Dots,
-        p_dot_q: Dots,
-        outcome: Doubles,
-        running: Ints,
-    ):
+    def reset_kernel(items: Items, r_dot_z: Dots, p_dot_q: Dots, outcome: Doubles, running: Ints):
         """Clears what the last solve left; one launch, because clearing each array costs a launch."""
         i = items.first + wp.tid()
         if i < items.end:
@@ -132,7 +126,7 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     for (int k = 3 * first; k < 3 * end; ++k) p[k] = z[k] + ({real})beta * p[k];
     """,
     )
-    def update_search(r_dot_z: Dots, p_dot_q: Dots, preconditioned: Numbers, search: Numbers):
+    def update_search(items: Items, r_dot_z: Dots, p_dot_q: Dots, preconditioned: Numbers, search: Numbers):
         """p = z + beta p on the CPU; a direction of negative curvature is kept, for the host to go along it."""
 
     @native_kernel(
@@ -151,7 +145,13 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     """,
     )
     def update_solution(
-        r_dot_z: Dots, p_dot_q: Dots, search: Numbers, product: Numbers, solution: Numbers, residual: Numbers
+        items: Items,
+        r_dot_z: Dots,
+        p_dot_q: Dots,
+        search: Numbers,
+        product: Numbers,
+        solution: Numbers,
+        residual: Numbers,
     ):
         """x += alpha p, r -= alpha q on the CPU, but before the first iteration."""
 

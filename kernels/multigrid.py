@@ -217,11 +217,14 @@ def cpu_grid_kernels(scalar: type) -> SimpleNamespace:
     types, module = four_types(scalar), f"cpu_grids_{scalar.__name__}"
 
     @native_kernel(module, types + RESTRICT)
-    def restrict(row_start: Ints, point: Ints, weight: Numbers, residual: Vectors, coarse_residual: Vectors):
+    def restrict(
+        items: Items, row_start: Ints, point: Ints, weight: Numbers, residual: Vectors, coarse_residual: Vectors
+    ):
         """P^T r: every grid vertex gathers the residual of the points it reaches."""
 
     @native_kernel(module, types + PROLONG + KEEP_PRODUCT)
     def prolong(
+        items: Items,
         inverse_diagonal: Blocks,
         vertex: Cells,
         weight: Weights,
@@ -237,7 +240,15 @@ def cpu_grid_kernels(scalar: type) -> SimpleNamespace:
         """
 
     @native_kernel(module, types + DENSE)
-    def dense(size: int, inverse: Shorts, scale: Numbers, residual: Numbers, solution: Numbers, iteration: Ints):
+    def dense(
+        items: Items,
+        size: int,
+        inverse: Shorts,
+        scale: Numbers,
+        residual: Numbers,
+        solution: Numbers,
+        iteration: Ints,
+    ):
         """S A S r of strips, A in parts of `WHOLE`: of each strip column after column.
 
         It counts the iteration, too, because here its number is not read.
@@ -286,7 +297,7 @@ for (int k = lane; k < matrix.shape[1] / 8; k += 32) {{
 }}
 return sum;
 """)
-def part_of_product(matrix: HalfRows, vector: Singles, row: wp.int32, lane: wp.int32) -> wp.float32:
+def part_of_product(matrix: HalfRows, vector: Singles, row: int, lane: int) -> wp.float32:
     """Contribution of one of ROW_LANES threads to a row of a product; it reads OCTET numbers at once, past the
     cache."""
     ...
@@ -329,13 +340,7 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
     return sum;
     """)
     def part_of_correction(
-        vertex: Places,
-        weight: Halves,
-        coarse: Fours,
-        grids: wp.int32,
-        nodes: wp.int32,
-        node: wp.int32,
-        lane: wp.int32,
+        vertex: Places, weight: Halves, coarse: Fours, grids: int, nodes: int, node: int, lane: int
     ) -> vec3:
         """Contribution of one of NODE_LANES threads to the correction of a node; it reads a whole cell at once."""
         ...
@@ -361,9 +366,7 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
     }}
     return sum;
     """)
-    def part_of_residual(
-        point: Places, weight: Halves, residual: Fours, first: wp.int32, end: wp.int32, apart: wp.int32
-    ) -> vec3:
+    def part_of_residual(point: Places, weight: Halves, residual: Fours, first: int, end: int, apart: int) -> vec3:
         """Contribution of one of `apart` threads to a weighted sum."""
         ...
 

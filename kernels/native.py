@@ -28,21 +28,28 @@ class NativeKernel(wp.Kernel):
 
 
 def native_kernel(module: str, code: str) -> Callable[[Any], NativeKernel]:
-    """Makes a kernel of a stub, which names the arguments that the C++ code reads after `first`, `end` and `slab`.
+    """Makes a kernel of a stub, which names what the C++ reads; of the items it reads `first`, `end` and `slab`.
 
-    On the CPU `first` begins the range; on CUDA it is the item.
+    On the CPU `first` begins the range; on CUDA it is the item. The body of the stub is not read.
     """
 
     def decorate(stub: Any) -> NativeKernel:
-        given = stub.__annotations__
-        stub.__annotations__ = {"first": int, "end": int, "slab": int, **given}
-        names = {**stub.__globals__, "run": wp.func_native(code)(stub)}
-        kernel = FunctionType(stub.__code__, names, stub.__name__)
-        kernel.__annotations__, kernel.__module__ = {"items": Items, **given}, stub.__module__
-        kernel.__qualname__ = f"{stub.__qualname__}_kernel"
-        others = ", ".join(given)
-        body = f"def kernel(items, {others}):\n    run(items.first + wp.tid(), items.end, items.slab, {others})"
+        others = {name: of for name, of in stub.__annotations__.items() if name != "items"}
+
+        def named(annotations: dict[str, Any], **names: Any) -> Any:
+            made = FunctionType(nothing.__code__, stub.__globals__ | names, stub.__name__)
+            made.__annotations__, made.__module__ = annotations, stub.__module__
+            made.__qualname__ = f"{stub.__qualname__}_kernel"
+            return made
+
+        run = wp.func_native(code)(named({"first": int, "end": int, "slab": int, **others}))
+        kernel = named({"items": Items, **others}, run=run)
+        given = ", ".join(others)
+        body = f"def kernel(items, {given}):\n    run(items.first + wp.tid(), items.end, items.slab, {given})"
         options = {"enable_backward": False}
         return NativeKernel(kernel, module=wp.get_module(module), options=options, source=body)
 
     return decorate
+
+
+def nothing(): ...

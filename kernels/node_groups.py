@@ -9,7 +9,7 @@ from typing import Any
 
 import warp as wp
 
-from .arguments import Ints, array_types, struct
+from .arguments import Ints, Items, array_types, struct
 from .native import native_kernel
 
 MEMBERS = 8
@@ -141,11 +141,11 @@ def node_group_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     real = f"typedef {'float' if scalar is wp.float32 else 'double'} real;\n"
 
     @native_kernel(module, real + (INVERT_ON_CUDA if cuda else INVERT_ON_CPU))
-    def invert(groups: Groups, block_of: Ints, blocks: Blocks, inverse_diagonal: Blocks):
+    def invert(items: Items, groups: Groups, block_of: Ints, blocks: Blocks, inverse_diagonal: Blocks):
         """The inverse of each group's block, less the inverses of its nodes' own blocks."""
 
     @native_kernel(module, real + CORRECT_ON_CPU)
-    def correct(groups: Groups, residual: Vectors):
+    def correct(items: Items, groups: Groups, residual: Vectors):
         """That matrix times the residual of the members of each group, on the CPU."""
 
     return SimpleNamespace(invert=invert, correct=correct)

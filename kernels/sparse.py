@@ -80,6 +80,7 @@ def cpu_product_kernel(scalar: type) -> wp.Kernel:
 
     @native_kernel(f"cpu_product_{scalar.__name__}", four_types(scalar) + MULTIPLY + KEEP_PRODUCT)
     def multiply(
+        items: Items,
         row_start: Ints,
         columns: Ints,
         blocks: Blocks,
@@ -132,7 +133,7 @@ def cuda_product_kernels(scalar: type) -> SimpleNamespace:
     }}
     return sum;
     """)
-    def part_of_row(planes: Planes, columns: Ints, vectors: Vectors, first: wp.int32, end: wp.int32) -> vec3:
+    def part_of_row(planes: Planes, columns: Ints, vectors: Vectors, first: int, end: int) -> vec3:
         """Contribution of one of LANES threads to the product of a row, from its first block on."""
         ...
 

@@ -2,18 +2,20 @@
 
 import warp as wp
 
+from .arguments import Points
+
 wp.set_module_options({"enable_backward": False})
 
 
 @wp.kernel
 def spline_displacement(
-    first: wp.int32,
-    points: wp.array[wp.vec3d],
-    centres: wp.array[wp.vec3d],
-    weights: wp.array[wp.vec3d],
+    first: int,
+    points: Points,
+    centres: Points,
+    weights: Points,
     constant: wp.vec3d,
     linear: wp.mat33d,
-    displacement: wp.array[wp.vec3d],
+    displacement: Points,
 ):
     """u(x) = a + B x + sum_i w_i |x - c_i|."""
     p = first + wp.tid()
@@ -26,11 +28,7 @@ def spline_displacement(
 
 @wp.kernel
 def spline_gradient(
-    points: wp.array[wp.vec3d],
-    centres: wp.array[wp.vec3d],
-    weights: wp.array[wp.vec3d],
-    linear: wp.mat33d,
-    gradient: wp.array[wp.mat33d],
+    points: Points, centres: Points, weights: Points, linear: wp.mat33d, gradient: wp.array[wp.mat33d]
 ):
     """du/dx = B + sum_i w_i (x - c_i)^T / |x - c_i|; a centre gives nothing at itself, where r has a kink."""
     p = wp.tid()

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import warp as wp
 
-from .arguments import Doubles, Ints
+from .arguments import Doubles, Ints, Points
 
 
 @wp.kernel(enable_backward=False)
 def signed_distance(
-    first: wp.int32,
+    first: int,
     mesh: wp.uint64,
     points: wp.array[wp.vec3],
-    reach: wp.float32,
+    reach: float,
     distance: wp.array[wp.float32],
     face: Ints,
     nearest: wp.array[wp.vec3],
@@ -35,7 +35,7 @@ def signed_distance(
 
 @wp.kernel(enable_backward=False)
 def nearest_on_mesh(
-    mesh: wp.uint64, points: wp.array[wp.vec3], reach: wp.float32, face: Ints, weights: wp.array[wp.vec3]
+    mesh: wp.uint64, points: wp.array[wp.vec3], reach: float, face: Ints, weights: wp.array[wp.vec3]
 ):
     """The nearest triangle and the weights of its three corners; face -1 where none is within `reach`."""
     i = wp.tid()
@@ -50,13 +50,13 @@ def nearest_on_mesh(
 
 @wp.kernel(enable_backward=False)
 def first_hit(
-    first: wp.int32,
+    first: int,
     mesh: wp.uint64,
     corner: wp.vec3,
     right: wp.vec3,
     down: wp.vec3,
     forward: wp.vec3,
-    reach: wp.float32,
+    reach: float,
     face: wp.array2d[wp.int32],
     weights: wp.array2d[wp.vec3],
 ):
@@ -101,13 +101,13 @@ def pierces(p: wp.vec3d, q: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, sla
 
 
 @wp.func
-def has_corner(faces: Ints, g: wp.int32, v: wp.int32) -> wp.bool:
+def has_corner(faces: Ints, g: int, v: int) -> wp.bool:
     """Whether a vertex is a corner of face g."""
     return faces[3 * g] == v or faces[3 * g + 1] == v or faces[3 * g + 2] == v
 
 
 @wp.func
-def meets(vertices: wp.array[wp.vec3d], faces: Ints, f: wp.int32, g: wp.int32, slack: wp.float64) -> wp.bool:
+def meets(vertices: Points, faces: Ints, f: int, g: int, slack: wp.float64) -> wp.bool:
     """Whether an edge of face f that shares no corner with face g passes through g."""
     a = vertices[faces[3 * g]]
     b = vertices[faces[3 * g + 1]]
@@ -122,7 +122,7 @@ def meets(vertices: wp.array[wp.vec3d], faces: Ints, f: wp.int32, g: wp.int32, s
 
 
 @wp.func
-def box_of(vertices: wp.array[wp.vec3d], faces: Ints, f: wp.int32):
+def box_of(vertices: Points, faces: Ints, f: int):
     """Lower and upper corner of the box of a face, a little larger than it."""
     a = vertices[faces[3 * f]]
     b = vertices[faces[3 * f + 1]]
@@ -133,9 +133,7 @@ def box_of(vertices: wp.array[wp.vec3d], faces: Ints, f: wp.int32):
 
 
 @wp.kernel(enable_backward=False)
-def crossing_faces(
-    first: wp.int32, mesh: wp.uint64, vertices: wp.array[wp.vec3d], faces: Ints, slack: wp.float64, crossed: Ints
-):
+def crossing_faces(first: int, mesh: wp.uint64, vertices: Points, faces: Ints, slack: wp.float64, crossed: Ints):
     """For each face, a face that one of its edges passes through and has no corner of, or -1.
 
     Two triangles that cross without a common corner have an edge of one in the other; two with one common
@@ -170,7 +168,7 @@ def sort_corners(faces: wp.array2d[wp.int32], place: Ints, second: Ints, face: I
 
 
 @wp.kernel(enable_backward=False)
-def edge_lengths(start: Ints, second: Ints, vertices: wp.array[wp.vec3d], length: Doubles):
+def edge_lengths(start: Ints, second: Ints, vertices: Points, length: Doubles):
     """Length of every edge, at that of its directions which leads to the higher number; infinite at the other."""
     v = wp.tid()
     for k in range(start[v], start[v + 1]):
@@ -210,12 +208,12 @@ def fits(before: wp.vec3d, i: wp.vec3d, j: wp.vec3d, k: wp.vec3d, longest: wp.fl
 @wp.kernel(enable_backward=False)
 def allowed_collapses(
     edges: wp.array[wp.vec2i],
-    targets: wp.array[wp.vec3d],
+    targets: Points,
     start: Ints,
     second: Ints,
     face: Ints,
     faces: wp.array2d[wp.int32],
-    vertices: wp.array[wp.vec3d],
+    vertices: Points,
     longest: wp.float64,
     sliver: wp.float64,
     allowed: wp.array[wp.bool],

@@ -100,17 +100,19 @@ Board = wp.array[wp.int64]
 
 
 @native_kernel("team", BOARD + CALL)
-def call_kernel(board: Board, threads: wp.int32, system_call: wp.uint64, program: wp.uint64, steps: wp.int64):
+def call_kernel(
+    items: Items, board: Board, threads: int, system_call: wp.uint64, program: wp.uint64, steps: wp.int64
+):
     """Has a team run a program, this thread range 0 of it; less than no steps end the team."""
 
 
 @native_kernel("team", BOARD + SERVE)
-def serve_kernel(board: Board, threads: wp.int32, system_call: wp.uint64):
+def serve_kernel(items: Items, board: Board, threads: int, system_call: wp.uint64):
     """Runs the range `slab` of every program until the team ends."""
 
 
 @native_kernel("team", "for (long i = first; i < end; ++i) values.data[i] = 0;")
-def clear_kernel(values: wp.array[wp.uint8]):
+def clear_kernel(items: Items, values: wp.array[wp.uint8]):
     """Sets bytes to zero."""
 
 

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from .arguments import Doubles, Ints
+from .arguments import Doubles, Ints, Points
 
 LEAST_GAIN = wp.constant(wp.float64(1.0e-3))
 """A node is moved where the worst tetrahedron at it gets better by more than this."""
@@ -29,9 +29,7 @@ def mean_ratios(corners: wp.array2d[wp.vec3d], quality: Doubles):
 
 
 @wp.func
-def quality_with(
-    tets: wp.array[wp.vec4i], nodes: wp.array[wp.vec3d], tet: wp.int32, node: wp.int32, place: wp.vec3d
-) -> wp.float64:
+def quality_with(tets: wp.array[wp.vec4i], nodes: Points, tet: int, node: int, place: wp.vec3d) -> wp.float64:
     """Quality of a tetrahedron with one of its nodes at another place."""
     n = tets[tet]
     i = nodes[n[0]]
@@ -56,10 +54,10 @@ def move_nodes(
     tets: wp.array[wp.vec4i],
     start: Ints,
     star: Ints,
-    around: wp.array[wp.vec3d],
+    around: Points,
     reach: Doubles,
-    given: wp.array[wp.vec3d],
-    moved: wp.array[wp.vec3d],
+    given: Points,
+    moved: Points,
     quality: Doubles,
     moves: Ints,
 ):

@@ -5,9 +5,8 @@ the CPU the same functions are translated to vector instructions (`simd_codegen`
 relaxation takes 1.4 (neo-Hookean) to 1.7 (itmsm) times as long. Energies are summed in double precision, in one
 slab for each range of tetrahedra."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import chain
 from types import SimpleNamespace
 from typing import Any
@@ -97,27 +96,30 @@ def tet_kernels(formulas: TetFormulas, cuda: bool, *, items: bool = False) -> Si
 
     On the CPU they are loops over a range, unless there shall be `items`, one for each tetrahedron as on CUDA.
     """
-    if cuda or items:
-        gradient, hessian = _gradient(formulas, cuda), partial(_hessian, formulas, cuda)
-    else:
-        gradient, hessian = gradient_loop(formulas), partial(hessian_loop, formulas)
+    loops = not (cuda or items)
     return SimpleNamespace(
-        gradient=gradient,
-        projected_hessian=hessian(positive=True),
-        hessian=hessian(positive=False),
+        gradient=_gradient(formulas, cuda, loops),
+        projected_hessian=_hessian(formulas, cuda, loops, positive=True),
+        hessian=_hessian(formulas, cuda, loops, positive=False),
         bundle=formulas.bundle,
     )
 
 
-def _gradient(formulas: TetFormulas, cuda: bool) -> wp.Kernel:
+def _kernel(formulas: TetFormulas, cuda: bool, loop: str | None) -> Callable[[Any], wp.Kernel]:
+    """Makes a kernel of what one tetrahedron does, or of the code of a loop in its place."""
+    if loop is not None:
+        return native_kernel(f"{formulas.name}_loops", loop)
+    return wp.kernel(module=f"{formulas.name}_items_{'cuda' if cuda else 'cpu'}", enable_backward=False)
+
+
+def _gradient(formulas: TetFormulas, cuda: bool, loop: bool) -> wp.Kernel:
     scalar, evaluate, elements_type = formulas.scalar, formulas.evaluate, formulas.elements
-    module = f"{formulas.name}_items_{'cuda' if cuda else 'cpu'}"
     used = max(formulas.columns) + 1
     add, sums_type = sums_reducer(cuda, used), wp.types.vector(used, wp.float64)
     _, Vectors, _ = array_types(scalar)
     Slabs = wp.array2d[wp.types.vector(3, scalar)]
 
-    @wp.kernel(module=module, enable_backward=False)
+    @_kernel(formulas, cuda, gradient_code(formulas) if loop else None)
     def gradient_kernel(
         items: Items,
         tets: Corners,
@@ -150,14 +152,13 @@ def _gradient(formulas: TetFormulas, cuda: bool) -> wp.Kernel:
     return gradient_kernel
 
 
-def _hessian(formulas: TetFormulas, cuda: bool, positive: bool) -> wp.Kernel:
+def _hessian(formulas: TetFormulas, cuda: bool, loop: bool, positive: bool) -> wp.Kernel:
     find_hessian, elements_type = formulas.hessian, formulas.elements
-    module = f"{formulas.name}_items_{'cuda' if cuda else 'cpu'}"
     add_hessian, blocks_type = hessian_adder(formulas.scalar, cuda), block_sums_type(formulas.scalar, cuda)
     _, Vectors, _ = array_types(formulas.scalar)
     clip = wp.constant(positive)
 
-    @wp.kernel(module=module, enable_backward=False)
+    @_kernel(formulas, cuda, hessian_code(formulas, positive=positive) if loop else None)
     def hessian_kernel(
         items: Items,
         tets: Corners,
@@ -352,36 +353,3 @@ def hessian_code(formulas: TetFormulas, *, positive: bool) -> str:
             SCATTER_BLOCKS,
         ]
     )
-
-
-def gradient_loop(formulas: TetFormulas) -> wp.Kernel:
-    """The kernel that adds energies, gradients and counts of a range of tetrahedra."""
-    elements_type = formulas.elements
-    _, Vectors, _ = array_types(formulas.scalar)
-    Slabs = wp.array2d[wp.types.vector(3, formulas.scalar)]
-
-    @native_kernel(f"{formulas.name}_loops", gradient_code(formulas))
-    def gradient(
-        tets: Corners,
-        elements: elements_type,
-        inverted_before: Flags,
-        displacement: Vectors,
-        gradient: Slabs,
-        inverted: Flags,
-        sums: Sums,
-    ): ...
-
-    return gradient
-
-
-def hessian_loop(formulas: TetFormulas, *, positive: bool) -> wp.Kernel:
-    """The kernel that adds second derivatives of a range of tetrahedra to blocks; -1 of `block_of` is none."""
-    elements_type = formulas.elements
-    _, Vectors, Blocks = array_types(formulas.scalar)
-
-    @native_kernel(f"{formulas.name}_loops", hessian_code(formulas, positive=positive))
-    def hessian(
-        tets: Corners, elements: elements_type, place_of: Places, displacement: Vectors, blocks: Blocks
-    ): ...
-
-    return hessian

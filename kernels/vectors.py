@@ -81,7 +81,7 @@ def lane_reducer(scalar: type) -> Any:
     for (int away = lanes / 2; away > 0; away /= 2) value += __shfl_xor_sync(0xffffffffu, value, away);
     return value;
     """)
-    def add_lanes(value: scalar, lanes: wp.int32) -> scalar: ...
+    def add_lanes(value: scalar, lanes: int) -> scalar: ...
 
     return add_lanes
 
@@ -132,7 +132,7 @@ def slab_gatherer(scalar: type) -> wp.Kernel:
     }
     """,
     )
-    def gather(slabs: int, size: int, values: Numbers):
+    def gather(items: Items, slabs: int, size: int, values: Numbers):
         """Adds all slabs, `size` numbers each, into the first one."""
 
     return gather
