@@ -49,6 +49,15 @@ def test_observers_see_every_increment_and_the_skin_is_that_of_the_last() -> Non
     assert prediction.relax().increments[-1].number == 3  # again, from before surgery
 
 
+def test_landmarks_without_a_spline_are_refused_though_the_path_is_found_beside_the_model() -> None:
+    case, trunk = boned_case()
+    points = case.landmarks_before.points.copy()
+    points[1] = points[0]
+    case = replace(case, landmarks_before=replace(case.landmarks_before, points=points))
+    with pytest.raises(InputError, match="no two landmarks may coincide"):
+        prepare(case, RunOptions(bones="spline", device="cpu"), trunk)
+
+
 def test_tissue_comes_off_bones_where_its_tetrahedra_would_end_inside_out() -> None:
     trunk = with_skin(block_with_bone((5, 5, 5), 8.0, holes=((1, 2, 2), (3, 2, 2))))  # 8 mm apart
     through = RigidMotion(np.eye(3), np.array([-10.0, 0.0, 0.0]))

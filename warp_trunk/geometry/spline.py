@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 import warp as wp
 
+from warp_trunk.engine.parallel import ENGINE
 from warp_trunk.errors import InputError
 from warp_trunk.kernels.spline import spline_displacement, spline_gradient
 from warp_trunk.kernels.starting import start_warp
@@ -55,10 +57,11 @@ class Spline:
     def displacement(self, points: np.ndarray, device: str = "cpu") -> np.ndarray:
         """How far each point moves, shape (m, 3) [mm] -> (m, 3) [mm], float64; computed on a Warp device."""
         start_warp()
-        out = wp.empty(len(points), dtype=_VECTOR, device=device)
-        inputs = [*self._arrays(points, device), _VECTOR(*self.constant), _MATRIX(*self.linear.ravel())]
-        launch_over_cores(spline_displacement, len(points), inputs, [out], device)
-        return out.numpy().copy()
+        with nullcontext() if device == "cpu" else ENGINE:  # Warp would capture it with what a model captures
+            out = wp.empty(len(points), dtype=_VECTOR, device=device)
+            inputs = [*self._arrays(points, device), _VECTOR(*self.constant), _MATRIX(*self.linear.ravel())]
+            launch_over_cores(spline_displacement, len(points), inputs, [out], device)
+            return out.numpy().copy()
 
     def bending(self, points: np.ndarray) -> np.ndarray:
         """The part of the displacement that is not affine, shape (m, 3) [mm] -> (m, 3) [mm], float64."""

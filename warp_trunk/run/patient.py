@@ -126,7 +126,16 @@ def patient_of(
     Raises:
         InputError: the case or an option is one that a stage refuses.
     """
-    options, kernels = options or RunOptions(), None
+    options = options or RunOptions()
+    case, trunk, kernels = meshed(case, options, trunk, progress)
+    return PreparedPatient(case, options, trunk, modelled(case, trunk, options, kernels, progress))
+
+
+def meshed(
+    case: Case, options: RunOptions, trunk: TrunkMesh | None = None, progress: Progress | None = None
+) -> tuple[Case, TrunkMesh, CompilationAhead | None]:
+    """The first half of `patient_of`, with its arguments: the case, its mesh, and what is compiled meanwhile."""
+    kernels = None
     if trunk is None and options.from_mesh is not None:
         with stage_of(progress, "mesh", f"reading {options.from_mesh}"):
             trunk = read_volume(options.from_mesh, case.skin, case.bones)
@@ -151,17 +160,18 @@ def patient_of(
     else:
         with stage_of(progress, "layers", "assigning tissue layers"):
             trunk = layered(trunk, case.layers or Layers(), source)
-    return PreparedPatient(case, options, trunk, _model(case, trunk, options, kernels, progress))
+    return case, trunk, kernels
 
 
-def _model(
+def modelled(
     case: Case,
     trunk: TrunkMesh,
     options: RunOptions,
     kernels: CompilationAhead | None = None,
     progress: Progress | None = None,
 ) -> Model:
-    """The model of a mesh at rest; under gravity, if asked for, the rest that gravity pulls into the scan."""
+    """The other half of `patient_of`: the model of a mesh at rest; under gravity, if asked for, the rest that
+    gravity pulls into the scan."""
     with stage_of(progress, "compile", "preparing the model"):
         if kernels is not None:
             kernels.wait()

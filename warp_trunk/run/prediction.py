@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -18,7 +19,7 @@ from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.meshing import predicted_skin
 
 from .options import RunOptions
-from .patient import PreparedPatient, find_path, patient_of
+from .patient import PreparedPatient, find_path, meshed, modelled
 from .progress import stage_of
 
 if TYPE_CHECKING:
@@ -174,7 +175,7 @@ def prepare(
     trunk: TrunkMesh | None = None,
     progress: Progress | None = None,
 ) -> Prediction:
-    """Mesh a case, build its model and find the path of its bones.
+    """Mesh a case, build its model with the solver, and meanwhile find the path of its bones.
 
     Args:
         case: what to simulate, with its tissue.
@@ -185,7 +186,15 @@ def prepare(
     Raises:
         InputError: the case or an option is one that a stage refuses.
     """
-    return prepare_plan(patient_of(case, options, trunk, progress), case, progress)
+    options = options or RunOptions()
+    case, trunk, kernels = meshed(case, options, trunk, progress)
+    with ThreadPoolExecutor(1) as beside:  # the path is found by SciPy and kernels, without the interpreter
+        path = beside.submit(find_path, case, trunk, options)
+        patient = PreparedPatient(case, options, trunk, modelled(case, trunk, options, kernels, progress))
+        with stage_of(progress, "compile", "preparing the relaxation"):
+            _ = patient.relaxer
+        with stage_of(progress, "path", "finding where the bones go"):
+            return Prediction(patient, case, path.result())
 
 
 def prepare_plan(patient: PreparedPatient, case: Case, progress: Progress | None = None) -> Prediction:

@@ -33,7 +33,7 @@ from warp_trunk.results.summary_text import markdown
 from .intervals import find_bands
 from .options import RunOptions, parameters, with_changes
 from .patient import PreparedPatient, layers_from, motions_of, patient_of
-from .prediction import Observer, Prediction, prepare_plan
+from .prediction import Observer, Prediction, prepare, prepare_plan
 from .progress import Progress
 from .unread_options import given_in, refuse_unread
 from .warnings import check_size, curve_warnings, ending_warnings, option_warnings
@@ -238,12 +238,10 @@ class _Simulator:
         else:
             path.unlink(missing_ok=True)  # of a run that was interrupted
         if patient is None:
-            patient = patient_of(case, options, progress=progress)
-            case = patient.case
-            with progress.stage("compile", "preparing the relaxation"):
-                _ = patient.relaxer  # made while Rerun is being imported
-        prediction = prepare_plan(patient, case, progress)
-        trunk, recording = prediction.trunk, None
+            prediction = prepare(case, options, progress=progress)
+        else:
+            prediction = prepare_plan(patient, case, progress)
+        case, trunk, recording = prediction.case, prediction.trunk, None
         held = colliding_bones(trunk, prediction.path)
         if held:
             progress.message(f"warning: {held[0]}; tissue cannot follow there")
