@@ -15,6 +15,7 @@ from warp_trunk.bone_motion.plan import PlannedSurgery
 from warp_trunk.bone_motion.prescribed_motion import rigid_path
 from warp_trunk.case.motions import Motion
 from warp_trunk.engine.build import build_model
+from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.surface import Surface
@@ -230,9 +231,15 @@ def test_tissue_comes_off_bones_as_in_a_simulation(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(relaxation, "motions_of", lambda *_: motions)
     tissue = LiveRelaxation(patient)
     tissue.go(case)
+    with monkeypatch.context() as patch:
+        patch.setattr(relaxation, "FEW", 1.0)
+        moving = tissue.relax(1.0, confirm=False, newer=lambda: False)
+    assert (moving.status, moving.warnings) == (RelaxStatus.NEAR, (relaxation.PINCHED,))
+    released = tissue.relax(1.0, confirm=False, newer=lambda: False)  # too many to leave them
     found = tissue.relax(0.1, confirm=True, newer=lambda: False)
     simulated = Prediction(patient, case, rigid_path(trunk, motions)).relax()
     assert simulated.released > 0
     np.testing.assert_array_equal(found.skin, simulated.skin.vertices)
     assert found.warnings[0].startswith("Tissue comes off the bones at ")
     assert tissue.relax(0.1, confirm=True, newer=lambda: False) is found
+    assert released is found

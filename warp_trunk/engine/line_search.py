@@ -50,6 +50,7 @@ def search(
     slope: float,
     *,
     rounding: float = 1e-9,
+    most: int = MOST_TRIALS,
 ) -> tuple[Trial | None, int]:
     """A length along a descent direction that lowers the energy and is allowed.
 
@@ -59,16 +60,17 @@ def search(
         reference: the energy to come below: the last, or the largest of the last few.
         slope: derivative of the energy along the direction at its start, negative.
         rounding: change of the energy below which the slopes decide.
+        most: lengths to try.
 
     Returns:
         The trial, the last one attempted, or None where no length helps; and the number of attempts.
     """
-    for attempts in range(1, MOST_TRIALS + 1):
+    for attempts in range(1, most + 1):
         trial = attempt(length)
         if trial.allowed and falls(trial, reference, slope, rounding):
             return trial, attempts
         length = min(max(flat_length(trial, slope), 0.1 * length), 0.9 * length)
-    return None, MOST_TRIALS
+    return None, most
 
 
 def falls(trial: Trial, reference: float, slope: float, rounding: float) -> bool:

@@ -14,7 +14,7 @@ from dataclasses import replace
 import warp as wp
 
 from .grids import Grids
-from .line_search import search
+from .line_search import MOST_TRIALS, search
 from .linear import BlockMatrix, Outcome
 from .model import Model
 from .multigrid import Multigrid
@@ -69,6 +69,12 @@ class Relaxer:
         return work.matrix, work.preconditioner
 
     @takes_turns
+    def prepare(self) -> None:
+        """Assembles the projected Hessian where the last relaxation ended, for the next one with `reuse`."""
+        if self.model.free_nodes:
+            self._work.assemble(true=False)
+
+    @takes_turns
     def relax(
         self,
         tolerance: float | None = None,
@@ -89,7 +95,7 @@ class Relaxer:
         on the way need not be known so well. Without `confirm_inverted` an end with inverted tetrahedra is not
         confirmed either: the caller changes the model there. `near` promises that the state is likely some
         tolerances from its end, which saves work where it is so; `reuse`, that it is near the one whose Hessian
-        was assembled last. `meanwhile` is called while a device is at work."""
+        was assembled last (`prepare`). `meanwhile` is called while a device is at work."""
         run = Run(
             self.options.tolerance if tolerance is None else tolerance,
             confirm,
@@ -134,6 +140,7 @@ class Relaxer:
                 history.energy.total,
                 work.products().slope,
                 rounding=history.rounding,
+                most=1 if run.reuse else MOST_TRIALS,  # a Hessian of before is not worth more
             )
             history.evaluations = work.evaluations
             if trial is not None:

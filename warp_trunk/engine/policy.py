@@ -53,6 +53,10 @@ class Policy:
     first: float = 2.0 / 3.0
     """The part of the distance that the first step of a relaxation is assumed to leave: its Hessian, projected, is
     too stiff where edges are compressed, and no step has been seen yet."""
+    reusable: float = 0.5
+    """The part of its length that a step with a Hessian of before may leave before the next takes that of the
+    state, which costs as much as two such steps. Where a tetrahedron was crushed meanwhile, steps with the former
+    were centimetres long."""
     slowest: float = 0.9
     """Steps are assumed to shrink at least this fast from one to the next, also where none as long was seen."""
     near: float = 0.3
@@ -113,7 +117,7 @@ class Run:
     try_true: bool = False
     """Whether the next solve is with the true Hessian, however far the end is."""
     reuse: bool = False
-    """Whether the first solve may take the projected Hessian that was assembled last."""
+    """Whether solves may still take the projected Hessian that was assembled before the relaxation."""
     floor: float = 0.0
     """Rounding error of every distance [mm]."""
     phase: Phase = Phase.PROJECTED
@@ -163,10 +167,13 @@ def plan(run: Run, policy: Policy = POLICY) -> Plan:
 
 def decide(run: Run, planned: Plan, solution: LinearSolution, policy: Policy = POLICY) -> Action:
     """The next thing after a planned solve."""
-    run.try_true = run.reuse = False
+    run.try_true = False
     if solution.outcome is Outcome.SOLVED:
         run.longest_solve = max(run.longest_solve, solution.iterations)
     match solution.outcome:
+        case _ if not planned.fresh and _leads_astray(run, solution, policy):
+            run.reuse = False
+            return Action.SOLVE
         case Outcome.UNSOUND if not planned.true:
             return Action.STALLED
         case Outcome.UNSOUND:  # the preconditioner was made too far away
@@ -227,6 +234,11 @@ def bound(run: Run, policy: Policy = POLICY) -> float:
     return run.floor + reach(max(run.length, run.left), run.steps, policy.slowest)
 
 
+def _leads_astray(run: Run, solution: LinearSolution, policy: Policy) -> bool:
+    """Whether a Hessian of before is too far from that of the state, by what its last step left."""
+    return solution.outcome is not Outcome.SOLVED or solution.length > policy.reusable * run.length
+
+
 def _avoid(run: Run, policy: Policy) -> Action:
     """The true Hessian was tried too far away: the projected one leads nearer."""
     run.nearer = min(run.nearer, policy.nearer * run.distance)
@@ -265,6 +277,9 @@ def searched(run: Run, length: float | None) -> bool:
         Whether the relaxation can go on.
     """
     run.whole = length == 1.0
+    if length is None and run.reuse:  # with the Hessian of the state one may
+        run.reuse, run.length = False, math.inf
+        return True
     if length is None:  # the true Hessian is tried once where the projected one leads nowhere
         run.try_true = run.at_saddle = True
         return run.confirm and run.phase is Phase.PROJECTED

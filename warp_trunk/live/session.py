@@ -230,13 +230,16 @@ class Session:
             tissue.go(job.surgery.planned_case(case))
             try:
                 self._learn(job, tissue.relax(first, confirm=False, newer=self._newer_for(DRAG)))
+                tissue.prepare()
                 if not self._jobs.comes(REST):
                     self._learn(job, relaxed_to_the_end(), settled=True)
+                    tissue.prepare()
                 while self._asides and not self._jobs.waits:
                     other, found = self._asides[0]
                     tissue.go(other.surgery.planned_case(case))
                     found(self._measured(_relaxed_view(other, relaxed_to_the_end(), settled=True)))
                     self._asides.popleft()
+                    tissue.prepare()
             except Interrupted:
                 continue
 

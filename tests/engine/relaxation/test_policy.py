@@ -57,13 +57,34 @@ def test_on_the_way_a_claim_needs_a_solve_that_ended() -> None:
     assert decide(run, plan(run), solved(math.inf, outcome=Outcome.UNSOUND)) is Action.STALLED
 
 
-def test_few_iterations_are_expected_of_the_first_solve_from_near_the_last_end() -> None:
+def test_a_hessian_of_before_is_used_as_long_as_its_steps_are_whole_and_shrink() -> None:
     run = Run(1.0, reuse=True)
-    assert (plan(run).short, plan(run).fresh) == (True, False)
-    assert decide(run, plan(run), solved(5.0)) is Action.SEARCH
-    searched(run, 1.0)
-    assert not plan(run).short
+    for length in (5.0, 2.0, 0.9):
+        assert (plan(run).short, plan(run).fresh) == (True, False)
+        assert decide(run, plan(run), solved(length)) is Action.SEARCH
+        assert searched(run, 1.0)
+    before = run.length, run.distance
+    assert decide(run, plan(run), solved(0.5)) is Action.SOLVE  # a tetrahedron that was crushed, say
+    assert (run.length, run.distance) == before
+    assert (plan(run).short, plan(run).fresh) == (False, True)
     assert not plan(Run(1.0)).short
+
+
+@pytest.mark.parametrize("outcome", [Outcome.EXHAUSTED, Outcome.NEGATIVE_CURVATURE, Outcome.UNSOUND])
+def test_a_solve_with_a_hessian_of_before_that_did_not_end_is_not_believed(outcome: Outcome) -> None:
+    run = Run(1.0, reuse=True)
+    assert decide(run, plan(run), solved(0.01, outcome=outcome)) is Action.SOLVE
+    assert plan(run).fresh
+
+
+def test_a_step_with_a_hessian_of_before_that_is_not_taken_whole_is_solved_for_anew() -> None:
+    run = Run(1.0, reuse=True)
+    assert decide(run, plan(run), solved(0.8)) is Action.SEARCH
+    assert searched(run, None)
+    assert plan(run).fresh
+    assert decide(run, plan(run), solved(0.3)) is Action.SEARCH
+    assert run.distance == pytest.approx(0.6)  # as of a first step: no other was taken
+    assert not searched(run, None)
 
 
 def test_negative_curvature_is_avoided_far_away_and_followed_near_the_end() -> None:

@@ -304,6 +304,22 @@ def test_a_hessian_that_is_not_projected_is_not_used_as_one() -> None:
     assert Reference(trunk).error(relaxer.state.host_displacement(), 1e-5) <= 2.0 * ended.estimated_error + 0.01
 
 
+def test_a_relaxation_near_the_last_takes_the_hessian_that_was_prepared_there() -> None:
+    trunk = block((4, 4, 6))
+    reference, relaxer = Reference(trunk), Relaxer(model_of(trunk), RelaxOptions(tolerance=0.1))
+    relaxer.state.set_displacement(held_turned(trunk, 10.0))
+    relaxer.relax()
+    relaxer.prepare()
+    there = relaxer._work.hessian
+    bones = relaxer.state.host_displacement()
+    bones[trunk.prescribed] = held_turned(trunk, 10.5)[trunk.prescribed]
+    relaxer.state.set_displacement(bones)
+    ended = relaxer.relax(confirm=False, reuse=True)
+    assert (ended.status, relaxer._work.hessian) == (RelaxStatus.NEAR, there)
+    assert ended.steps > 0
+    assert reference.error(relaxer.state.host_displacement(), 1e-6) <= 0.1
+
+
 def test_the_distance_of_a_step_is_that_of_where_it_led() -> None:
     trunk = block((2, 2, 3))
     relaxer = Relaxer(model_of(trunk), RelaxOptions(tolerance=1e-3))
