@@ -104,4 +104,4 @@ def test_a_rigidity_of_zero_leaves_the_skin_out() -> None:
     plain, other = model_of(replace(TRUNK, skin_faces=TRUNK.skin_faces[:0])), model_of(TRUNK)
     assert other.skin is None
     assert other.terms == plain.terms
-    assert np.array_equal(other.stencils, plain.stencils)
+    assert np.array_equal(other.edges.stencils, plain.edges.stencils)

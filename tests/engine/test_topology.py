@@ -77,6 +77,15 @@ def test_rows_list_the_neighbours_and_every_pair_has_its_block(name: str, part: 
             assert found_at == place.get((min(a, b), max(a, b)), -1)
 
 
+@pytest.mark.parametrize("name", MESHES)
+def test_edges_of_nodes_with_other_numbers_are_those_of_their_stencils(name: str) -> None:
+    tets = shuffled(MESHES[name])
+    number = np.random.default_rng(1).permutation(int(tets.max()) + 1)
+    found, expected = Edges.among(tets).renumbered(number), Edges.among(number[tets])
+    for field in fields(Edges):
+        np.testing.assert_array_equal(getattr(found, field.name), getattr(expected, field.name))
+
+
 def test_pieces_have_the_number_of_their_lowest_node() -> None:
     """A chain whose numbers fall and rise, so that a label has to go both ways, and two pieces more."""
     chain = np.array([[k + 3, k + 2, k + 1, k] for k in [*range(60, 100), *range(0, 63)]])

@@ -60,7 +60,7 @@ class AddedBlocks:
         parts = pairwise(split(tets)), pairwise(tets + hinges)
         ranges = [np.r_[slice(*tet), slice(*hinge)] for tet, hinge in zip(*parts, strict=True)]
         place_of, others = separate_ranges(pattern.block_of, ranges, size)
-        self._place_of = model.array(2 * place_of + turned(model.stencils), vec10i)
+        self._place_of = model.array(2 * place_of + turned(model.edges.stencils), vec10i)
         self.blocks = model.zeros(wp.types.matrix((3, 3), model.scalar), size + 1 + len(others))
         order = np.argsort(others, kind="stable")
         completed = np.union1d(others, np.flatnonzero(image >= 0))
@@ -122,7 +122,7 @@ class GatheredBlocks:
         self.blocks = model.zeros(wp.types.matrix((3, 3), model.scalar), len(pattern.columns) + 1)
         above = np.flatnonzero(pattern.image >= 0)
         block, image = (np.concatenate([pattern.diagonal, other]) for other in (above, pattern.image[above]))
-        start, parts = list_parts(pattern.block_of, turned(model.stencils), block)
+        start, parts = list_parts(pattern.block_of, turned(model.edges.stencils), block)
         self._gathered, self._lists = (
             len(block),
             [model.array(each, wp.int32) for each in (start, parts, block, image)],

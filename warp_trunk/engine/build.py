@@ -17,6 +17,7 @@ from .parallel import Parallel, takes_turns
 from .rest_mesh import PRECISIONS, RestMesh
 from .skin import make_skin
 from .tissue import EARTH_GRAVITY, ENERGY, SKIN_RIGIDITY, Tissue
+from .topology import Edges
 from .trunk_mesh import TrunkMesh
 
 
@@ -78,6 +79,7 @@ def build_model(
     if skin_rigidity:
         faces = places(order)[trunk.skin_nodes[trunk.skin_faces]]
         skin = make_skin(rest, faces, skin_rigidity, elements.per_millijoule(rest))
+    edges = Edges.among(rest.corners if skin is None else np.vstack([rest.corners, skin.corners]))
     model = Model(
         parallel=parallel,
         scalar=rest.scalar,
@@ -90,6 +92,7 @@ def build_model(
         corners=rest.corners,
         tets=rest.tets,
         elements=elements,
+        edges=edges,
         in_precision=lambda precision: build_model(
             trunk,
             tissues,
@@ -113,10 +116,10 @@ def _released(model: Model, nodes: np.ndarray) -> Model:
     stays = ~np.isin(model.order[model.prescribed], nodes)
     order = np.arange(model.nodes)
     order[model.prescribed] = model.free_nodes + np.argsort(stays, kind="stable")
-    number = places(order)
-    skin, corners = model.skin, number[model.corners]
+    edges = model.edges.renumbered(places(order))
+    corners, hinges = np.split(edges.stencils, [len(model.corners)])
+    skin = model.skin
     if skin is not None:
-        hinges = number[skin.corners]
         skin = replace(skin, corners=hinges, hinges=model.array(hinges, wp.vec4i))
     found = replace(
         model,
@@ -125,6 +128,7 @@ def _released(model: Model, nodes: np.ndarray) -> Model:
         rest=model.rest[order],
         corners=corners,
         tets=model.array(corners, wp.vec4i),
+        edges=edges,
         skin=skin,
         in_precision=lambda precision: _released(model.in_precision(precision), nodes),
         released=lambda more: _released(found, more),

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
 
 from .parallel import CUDA_BLOCK, Launch, Parallel
-from .topology import Edges
 
 if TYPE_CHECKING:
     from .energies.energy import TetEnergy
     from .skin import Skin
     from .tissue import Tissue
+    from .topology import Edges
 
 
 @dataclass(frozen=True)
@@ -50,6 +49,8 @@ class Model:
     """The same on the device, shape (tets,), vec4i."""
     elements: TetEnergy
     """Data of every tetrahedron for the energy, on the device, and its kernels."""
+    edges: Edges
+    """Which nodes share a term: corners of the tetrahedra, then of the hinges of the skin."""
     in_precision: Callable[[str], Model] = field(repr=False)
     """Makes the same trunk in 'float32' or 'float64'."""
     released: Callable[[np.ndarray], Model] = field(repr=False)
@@ -92,16 +93,6 @@ class Model:
     def terms(self) -> tuple[str, ...]:
         """Names of the terms of its energy, in the order in which they are added."""
         return (*self.elements.terms, *["bending"] * (self.skin is not None))
-
-    @property
-    def stencils(self) -> np.ndarray:
-        """Nodes that share a term: corners of the tetrahedra, then of the hinges of the skin, (stencils, 4)."""
-        return self.corners if self.skin is None else np.vstack([self.corners, self.skin.corners])
-
-    @cached_property
-    def edges(self) -> Edges:
-        """Which nodes share a term: the blocks of the Hessian."""
-        return Edges.among(self.stencils)
 
     @property
     def free(self) -> slice:

@@ -55,11 +55,21 @@ class Edges:
         one, other = (np.take(stencils, corner, axis=1).astype(np.int64) for corner in EDGES.T)
         keys = (np.minimum(one, other) * nodes + np.maximum(one, other)).ravel()
         order = np.argsort(keys)
-        ordered = keys[order]
-        first = np.append(True, ordered[1:] != ordered[:-1])[: len(keys)]
+        keys = keys[order]
+        first = np.ones(len(keys), dtype=bool)
+        first[1:] = keys[1:] != keys[:-1]
         edge_of = np.empty(len(keys), dtype=np.int32)
         edge_of[order] = np.cumsum(first, dtype=np.int32) - 1
-        return cls(stencils, np.array(np.divmod(ordered[first], nodes)), edge_of.reshape(-1, len(EDGES)))
+        return cls(stencils, np.array(np.divmod(keys[first], nodes)), edge_of.reshape(-1, len(EDGES)))
+
+    def renumbered(self, number: np.ndarray) -> Edges:
+        """The same where each node has another number, shape (nodes,)."""
+        one, other = number.take(self.ends)
+        low, high = np.minimum(one, other), np.maximum(one, other)
+        order = np.lexsort((high, low))
+        place = np.empty(len(order), dtype=np.int32)
+        place[order] = np.arange(len(order))
+        return Edges(number.take(self.stencils), np.array([low[order], high[order]]), place.take(self.edge_of))
 
     def row_start(self, size: int) -> np.ndarray:
         """First block of each row of the whole matrix over the first nodes, and the end, shape (size + 1,)."""
