@@ -9,9 +9,6 @@ import subprocess
 import sys
 import tempfile
 import time
-import urllib.request
-import webbrowser
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +18,8 @@ from warp_trunk.io.atomic_write import partial
 from warp_trunk.io.result_files import RECORDING, SUMMARY
 
 if TYPE_CHECKING:
+    from http.server import ThreadingHTTPServer
+
     from warp_trunk.results import Result
 
 LOOPBACK = "127.0.0.1"
@@ -178,6 +177,8 @@ def view_in_browser(recording: Path) -> int:
     Raises:
         InputError: Rerun's page cannot be had.
     """
+    import webbrowser
+
     with page_server(recording) as server:
         url = address(server)
         print(f"serving {recording} at {url} (Ctrl-C ends)", flush=True)
@@ -199,6 +200,8 @@ def page_server(recording: Path) -> ThreadingHTTPServer:
     Raises:
         InputError: Rerun's page cannot be had.
     """
+    from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer  # heavy
+
     parts = _page()
 
     class Handler(BaseHTTPRequestHandler):
@@ -224,12 +227,14 @@ def page_server(recording: Path) -> ThreadingHTTPServer:
 
 def _page() -> dict[str, bytes]:
     """The parts of Rerun's page, from its own server, which is stopped again."""
+    from urllib.request import urlopen  # heavy
+
     port, unused = free_port(), free_port()
     process = _started("--serve-web", "--web-viewer-port", str(port), "--port", str(unused))
     try:
         if not listens(process, port):
             raise InputError("--web: the web viewer cannot be served; open the result without --web")
         root = f"http://{LOOPBACK}:{port}"
-        return {path: urllib.request.urlopen(f"{root}{path}", timeout=30.0).read() for path in PAGE}
+        return {path: urlopen(f"{root}{path}", timeout=30.0).read() for path in PAGE}
     finally:
         stop(process)
