@@ -166,24 +166,26 @@ def colliding_bones(trunk: TrunkMesh, bone_path: PrescribedMotion) -> list[str]:
     Between two bones they are inside out because the bones have passed through each other, on one bone because
     the path folds it.
     """
-    return _places(trunk, _inverted(trunk, bone_path) & trunk.prescribed[trunk.tets].all(axis=1), "bones collide")
+    held = np.flatnonzero(trunk.prescribed[trunk.tets].all(axis=1))
+    return _places(trunk, _inverted(trunk, bone_path, held), "bones collide")
 
 
 def folded_tissue(trunk: TrunkMesh, bone_path: PrescribedMotion) -> list[str]:
     """Where the path, which carries all nodes, turns tetrahedra inside out, in words; relaxation may repair
     them."""
-    return _places(trunk, _inverted(trunk, bone_path), "the path of the bones folds tissue")
+    inverted = _inverted(trunk, bone_path, np.arange(len(trunk.tets)))
+    return _places(trunk, inverted, "the path of the bones folds tissue")
 
 
-def _inverted(trunk: TrunkMesh, bone_path: PrescribedMotion) -> np.ndarray:
-    """Tetrahedra that the path turns inside out at its end, shape (tets,)."""
-    return tet_volumes(trunk.nodes + bone_path.at(1.0), trunk.tets) <= 0.0
+def _inverted(trunk: TrunkMesh, bone_path: PrescribedMotion, tets: np.ndarray) -> np.ndarray:
+    """Those of some tetrahedra (n,) that the path turns inside out at its end, their numbers."""
+    return tets[tet_volumes(trunk.nodes + bone_path.at(1.0), trunk.tets[tets]) <= 0.0]
 
 
 def _places(trunk: TrunkMesh, inverted: np.ndarray, what: str) -> list[str]:
-    """Such tetrahedra by the bones they touch, most first, in words."""
+    """Such tetrahedra, by their numbers, and the bones they touch, most first, in words."""
     found: dict[tuple[str, ...], list[int]] = {}
-    for tet in np.flatnonzero(inverted):
+    for tet in inverted:
         bones = sorted({trunk.bone_names[b] for b in trunk.bone[trunk.tets[tet]] if b >= 0})
         found.setdefault(tuple(bones), []).append(int(tet))
     sentences = []

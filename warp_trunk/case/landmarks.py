@@ -72,7 +72,7 @@ class Landmarks:
 
     def rows_of(self, bone: str) -> list[int]:
         """The rows of the landmarks of one bone."""
-        return [row for row, name in enumerate(self.names) if _belongs(name, bone)]
+        return list(_rows_of(self.names, bone))
 
     def of_bone(self, bone: str) -> Landmarks:
         """The landmarks of one bone, in their order; none where the bone has none."""
@@ -96,6 +96,11 @@ NO_LANDMARKS = Landmarks((), np.zeros((0, 3)))
 @lru_cache(maxsize=16)
 def _vertebrae_of(names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(sorted({level for name in names if region(level := name.partition("_")[0])}, key=rank))
+
+
+@lru_cache(maxsize=1024)
+def _rows_of(names: tuple[str, ...], bone: str) -> tuple[int, ...]:
+    return tuple(row for row, name in enumerate(names) if _belongs(name, bone))
 
 
 def bone_of(name: str, bones: Iterable[str]) -> str | None:

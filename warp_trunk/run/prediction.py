@@ -50,6 +50,8 @@ class Prediction:
     """Every increment so far."""
     released: int = 0
     """Nodes on bone that were released at the end, because tetrahedra there were inside out."""
+    _measured: tuple[Increment, TrunkMeasures] | None = field(default=None, init=False, repr=False)
+    """The increment that was measured last, and its measures."""
 
     @property
     def options(self) -> RunOptions:
@@ -87,7 +89,10 @@ class Prediction:
 
     def measures_at(self, increment: Increment) -> TrunkMeasures:
         """The measures of the skin after an increment, with the landmarks that go with it."""
-        return measure(self.skin_at(increment), self.case.landmarks_at(increment.load_factor), self.case.skin)
+        if self._measured is None or self._measured[0] is not increment:
+            landmarks = self.case.landmarks_at(increment.load_factor)
+            self._measured = increment, measure(self.skin_at(increment), landmarks, self.case.skin)
+        return self._measured[1]
 
     def relax(
         self,
