@@ -5,7 +5,6 @@ where half of an assembly went into atomic additions, every element stores its b
 gathers its own; so each block is also added up in the same order every time."""
 
 from functools import cache
-from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
@@ -161,8 +160,8 @@ def block_storer(scalar: type):
 
 
 @cache
-def gather_kernels(scalar: type) -> SimpleNamespace:
-    """The kernel `gather` in one precision."""
+def block_gatherer(scalar: type) -> wp.Kernel:
+    """The kernel that gathers blocks on CUDA, in one precision."""
     Numbers = wp.array[scalar]
 
     @wp.func_native("""
@@ -179,7 +178,7 @@ def gather_kernels(scalar: type) -> SimpleNamespace:
         ...
 
     @wp.kernel(module=f"gather_{scalar.__name__}", enable_backward=False)
-    def gather_kernel(
+    def gather(
         items: Items,
         blocks: int,
         symmetric: int,
@@ -207,7 +206,7 @@ def gather_kernels(scalar: type) -> SimpleNamespace:
             if mirrored[i] != block[i]:
                 numbers[NUMBERS * mirrored[i] + across] = total
 
-    return SimpleNamespace(gather=gather_kernel)
+    return gather
 
 
 @cache
@@ -216,7 +215,7 @@ def block_completer(scalar: type) -> wp.Kernel:
     Blocks = wp.array[wp.types.matrix((3, 3), scalar)]
 
     @wp.kernel(module=f"sums_{scalar.__name__}", enable_backward=False)
-    def complete_kernel(items: Items, block: Ints, start: Ints, other: Ints, image: Ints, blocks: Blocks):
+    def complete(items: Items, block: Ints, start: Ints, other: Ints, image: Ints, blocks: Blocks):
         """Adds to blocks what other ranges have added at places of their own, and sets their images (-1: none)."""
         i = items.first + wp.tid()
         if i < items.end:
@@ -227,4 +226,4 @@ def block_completer(scalar: type) -> wp.Kernel:
             if image[i] >= 0:
                 blocks[image[i]] = wp.transpose(total)
 
-    return complete_kernel
+    return complete

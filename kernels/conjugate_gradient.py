@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from .arguments import Doubles, Ints, Items, Sums, array_types, struct
-from .native import native_kernel
+from .native import native_kernel, real
 from .vectors import max_reducer, sum_reducer
 
 CHANGE, LENGTH, SUM = range(3)
@@ -67,6 +67,26 @@ BETA = f"""{TOTAL}
 """beta of p = z + beta p, 0 at the first iteration, and whether the last p had negative curvature."""
 
 
+UPDATE_SEARCH = f"""{BETA}
+    if (negative_curvature) return;
+    real* __restrict__ p = (real*)search.data;
+    const real* __restrict__ z = (const real*)preconditioned.data;
+    for (int k = 3 * first; k < 3 * end; ++k) p[k] = z[k] + (real)beta * p[k];
+"""
+UPDATE_SOLUTION = f"""
+    if (r_dot_z.iteration.data[0] < 0) return;
+    {ALPHA}
+    real* __restrict__ x = (real*)solution.data;
+    real* __restrict__ r = (real*)residual.data;
+    const real* __restrict__ p = (const real*)search.data;
+    const real* __restrict__ q = (const real*)product.data;
+    for (int k = 3 * first; k < 3 * end; ++k) {{
+        x[k] += (real)alpha * p[k];
+        r[k] -= (real)alpha * q[k];
+    }}
+"""
+
+
 @wp.func_native(TOTAL + "return total(dots, row);")
 def total(dots: Dots, row: int) -> wp.float64: ...
 
@@ -85,11 +105,11 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     steps."""
     add, keep_largest = sum_reducer(cuda), max_reducer(cuda)
     vec3 = wp.types.vector(3, scalar)
-    Numbers, Vectors, _ = array_types(scalar)
+    _, Vectors, _ = array_types(scalar)
     module = f"conjugate_gradient_{scalar.__name__}_{'cuda' if cuda else 'cpu'}"
 
     @wp.kernel(module=module, enable_backward=False)
-    def reset_kernel(items: Items, r_dot_z: Dots, p_dot_q: Dots, outcome: Doubles, running: Ints):
+    def reset(items: Items, r_dot_z: Dots, p_dot_q: Dots, outcome: Doubles, running: Ints):
         """Clears what the last solve left; one launch, because clearing each array costs a launch."""
         i = items.first + wp.tid()
         if i < items.end:
@@ -104,7 +124,7 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
             running[0] = 1
 
     @wp.kernel(module=module, enable_backward=False)
-    def start_kernel(
+    def start(
         items: Items, gradient: Vectors, solution: Vectors, residual: Vectors, search: Vectors, earlier: Vectors
     ):
         """Starts from zero: residual = -gradient (the one minus sign of Newton's method)."""
@@ -115,48 +135,24 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
             search[i] = vec3()
             earlier[i] = vec3()
 
-    real = "float" if scalar is wp.float32 else "double"
-
-    @native_kernel(
-        module,
-        f"""{BETA}
-    if (negative_curvature) return;
-    {real}* __restrict__ p = search.data;
-    const {real}* __restrict__ z = preconditioned.data;
-    for (int k = 3 * first; k < 3 * end; ++k) p[k] = z[k] + ({real})beta * p[k];
-    """,
-    )
-    def update_search(items: Items, r_dot_z: Dots, p_dot_q: Dots, preconditioned: Numbers, search: Numbers):
+    @native_kernel(module, real(scalar) + UPDATE_SEARCH)
+    def update_search(items: Items, r_dot_z: Dots, p_dot_q: Dots, preconditioned: Vectors, search: Vectors):
         """p = z + beta p on the CPU; a direction of negative curvature is kept, for the host to go along it."""
 
-    @native_kernel(
-        module,
-        f"""
-    if (r_dot_z.iteration.data[0] < 0) return;
-    {ALPHA}
-    {real}* __restrict__ x = solution.data;
-    {real}* __restrict__ r = residual.data;
-    const {real}* __restrict__ p = search.data;
-    const {real}* __restrict__ q = product.data;
-    for (int k = 3 * first; k < 3 * end; ++k) {{
-        x[k] += ({real})alpha * p[k];
-        r[k] -= ({real})alpha * q[k];
-    }}
-    """,
-    )
+    @native_kernel(module, real(scalar) + UPDATE_SOLUTION)
     def update_solution(
         items: Items,
         r_dot_z: Dots,
         p_dot_q: Dots,
-        search: Numbers,
-        product: Numbers,
-        solution: Numbers,
-        residual: Numbers,
+        search: Vectors,
+        product: Vectors,
+        solution: Vectors,
+        residual: Vectors,
     ):
         """x += alpha p, r -= alpha q on the CPU, but before the first iteration."""
 
     @wp.kernel(module=module, enable_backward=False)
-    def measure_kernel(items: Items, solution: Vectors, earlier: Vectors, measures: Sums):
+    def measure(items: Items, solution: Vectors, earlier: Vectors, measures: Sums):
         """Longest vector of the solution and of its change since the last window, both squared [mm^2].
 
         The sum beside them shows what a maximum hides: NaN.
@@ -174,8 +170,15 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         keep_largest(measures, items.slab, LENGTH, length)
 
     @wp.kernel(module=module, enable_backward=False)
-    def test_convergence_kernel(
-        most: int, limits: Doubles, r_dot_z: Dots, p_dot_q: Dots, measures: Sums, outcome: Doubles, running: Ints
+    def test_convergence(
+        items: Items,
+        most: int,
+        limits: Doubles,
+        r_dot_z: Dots,
+        p_dot_q: Dots,
+        measures: Sums,
+        outcome: Doubles,
+        running: Ints,
     ):
         """Whether the solve continues: limits are an error [mm], a relative one, and least iterations.
 
@@ -183,6 +186,8 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         each time has change q / (1 - q) to go. The first window therefore never ends a solve, nor does a plateau
         of a badly conditioned one, where the residual has not fallen by the same part. A solution that is not
         finite, or of a preconditioner that rounding has made indefinite, has infinite length."""
+        if items.first + wp.tid() >= items.end:
+            return
         change = wp.float64(0.0)
         length = wp.float64(0.0)
         finite = wp.float64(0.0)
@@ -224,10 +229,10 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
             running[0] = 1
 
     return SimpleNamespace(
-        reset=reset_kernel,
-        start=start_kernel,
+        reset=reset,
+        start=start,
         update_search=update_search,
         update_solution=update_solution,
-        measure=measure_kernel,
-        test_convergence=test_convergence_kernel,
+        measure=measure,
+        test_convergence=test_convergence,
     )

@@ -13,7 +13,7 @@ import warp as wp
 
 from .arguments import Ints, Items, array_types
 from .conjugate_gradient import KEEP_PRODUCT, Dots, find_alpha
-from .native import four_types, native_kernel
+from .native import FOUR_TYPES, native_kernel, real
 from .node_groups import MEMBERS, groups_type
 from .vectors import component, lane_reducer, sum_reducer
 
@@ -40,7 +40,7 @@ def grid_matrix_kernels(scalar: type, lanes: int) -> SimpleNamespace:
     module = f"grid_matrices_{scalar.__name__}_{lanes}"
 
     @wp.kernel(module=module, enable_backward=False)
-    def grid_diagonal_kernel(
+    def grid_diagonal(
         items: Items,
         row_start: Ints,
         columns: Ints,
@@ -92,7 +92,7 @@ def grid_matrix_kernels(scalar: type, lanes: int) -> SimpleNamespace:
                 wp.atomic_add(matrix, slab, row + a, column + b, wp.float64(block[a, b]))
 
     @wp.kernel(module=module, enable_backward=False)
-    def grid_matrix_kernel(
+    def grid_matrix(
         items: Items,
         row_start: Ints,
         columns: Ints,
@@ -136,10 +136,7 @@ def grid_matrix_kernels(scalar: type, lanes: int) -> SimpleNamespace:
                 for k in range(corners):
                     add_pair(matrix, items.slab, own[k], own[m], w[k] * block)
 
-    return SimpleNamespace(
-        grid_diagonal=grid_diagonal_kernel,
-        grid_matrix=grid_matrix_kernel,
-    )
+    return SimpleNamespace(grid_diagonal=grid_diagonal, grid_matrix=grid_matrix)
 
 
 RESTRICT = """
@@ -188,9 +185,11 @@ WHOLE = 32000
 DENSE = """
     typedef wp::int16 shorts __attribute__((ext_vector_type(8), aligned(2)));
     typedef real eight __attribute__((ext_vector_type(8)));
+    const wp::int32 size = inverse.shape[0] / scale.shape[0];  // rows and columns
     const shorts* number = (const shorts*)inverse.data + 2 * (long)size * first;
     const real* s = scale.data;
-    const real* x = residual.data;
+    const real* x = (const real*)residual.data;
+    real* y = (real*)solution.data;
     const auto at = [&](long k) { return __builtin_convertvector(number[k], eight); };
     // a strip of 16 rows: their sums stay in registers while the columns are read one after the other
     for (wp::int32 b = first; b < end; ++b, number += 2 * (long)size) {
@@ -201,8 +200,8 @@ DENSE = """
             high += at(2 * k + 1) * v;
         }
         for (int l = 0; l < 8; ++l) {
-            solution.data[16 * b + l] = s[16 * b + l] * low[l];
-            solution.data[16 * b + 8 + l] = s[16 * b + 8 + l] * high[l];
+            y[16 * b + l] = s[16 * b + l] * low[l];
+            y[16 * b + 8 + l] = s[16 * b + 8 + l] * high[l];
         }
     }
     if (first == 0) iteration.data[0] += 1;
@@ -214,7 +213,7 @@ def cpu_grid_kernels(scalar: type) -> SimpleNamespace:
     """The kernels `restrict`, `prolong` and `dense` of one grid on the CPU."""
     Numbers, Vectors, Blocks = array_types(scalar)
     Weights, Groups = wp.array[wp.types.vector(8, scalar)], groups_type(scalar)
-    types, module = four_types(scalar), f"cpu_grids_{scalar.__name__}"
+    types, module = real(scalar) + FOUR_TYPES, f"cpu_grids_{scalar.__name__}"
 
     @native_kernel(module, types + RESTRICT)
     def restrict(
@@ -241,13 +240,7 @@ def cpu_grid_kernels(scalar: type) -> SimpleNamespace:
 
     @native_kernel(module, types + DENSE)
     def dense(
-        items: Items,
-        size: int,
-        inverse: Shorts,
-        scale: Numbers,
-        residual: Numbers,
-        solution: Numbers,
-        iteration: Ints,
+        items: Items, inverse: Shorts, scale: Numbers, residual: Vectors, solution: Vectors, iteration: Ints
     ):
         """S A S r of strips, A in parts of `WHOLE`: of each strip column after column.
 
@@ -315,11 +308,10 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
     Fours, Places, Groups = wp.array[vec4], wp.array[number], groups_type(scalar)
     module = f"cuda_grids_{scalar.__name__}_{number.__name__}"
     corner, reads = ("unsigned short", 1) if number is wp.uint16 else ("int", 2)
-    real = "float" if scalar is wp.float32 else "double"
 
-    @wp.func_native(f"""
-    struct alignas(16) Four {{ {real} x, y, z, unused; }};
-    wp::vec_t<3, {real}> sum;
+    @wp.func_native(f"""{real(scalar)}
+    struct alignas(16) Four {{ real x, y, z, unused; }};
+    wp::vec_t<3, real> sum;
     #pragma unroll 1
     for (int grid = lane; grid < grids; grid += {NODE_LANES}) {{
         const size_t cell = (size_t)grid * nodes + node;
@@ -345,12 +337,12 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         """Contribution of one of NODE_LANES threads to the correction of a node; it reads a whole cell at once."""
         ...
 
-    @wp.func_native(f"""
-    struct alignas(16) Four {{ {real} x, y, z, unused; }};
-    wp::vec_t<3, {real}> sum;
+    @wp.func_native(f"""{real(scalar)}
+    struct alignas(16) Four {{ real x, y, z, unused; }};
+    wp::vec_t<3, real> sum;
     for (int k = first; k < end; k += 4 * apart) {{
         Four vector[4];
-        {real} w[4];
+        real w[4];
         #pragma unroll
         for (int n = 0; n < 4; ++n) {{  // all are asked for before the first is waited for
             const int at = min(k + n * apart, end - 1);
@@ -370,12 +362,12 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         """Contribution of one of `apart` threads to a weighted sum."""
         ...
 
-    @wp.func_native(f"""
-    __shared__ {real} parts[{BLOCK_LANES // 32}][3];
+    @wp.func_native(f"""{real(scalar)}
+    __shared__ real parts[{BLOCK_LANES // 32}][3];
     if (threadIdx.x % 32 == 0)
         for (int c = 0; c < 3; ++c) parts[threadIdx.x / 32][c] = value[c];
     __syncthreads();
-    wp::vec_t<3, {real}> sum;
+    wp::vec_t<3, real> sum;
     for (int n = 0; n < {BLOCK_LANES // 32}; ++n)
         for (int c = 0; c < 3; ++c) sum[c] += parts[n][c];
     return sum;
@@ -385,7 +377,7 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         ...
 
     @wp.kernel(module=module, enable_backward=False)
-    def step_kernel(
+    def step(
         items: Items,
         r_dot_z: Dots,
         p_dot_q: Dots,
@@ -407,7 +399,7 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
             residual[4 * (k // 3) + k % 3] = own
 
     @wp.kernel(module=module, enable_backward=False)
-    def restrict_kernel(
+    def restrict(
         items: Items,
         coarsest: int,
         far: int,
@@ -471,7 +463,7 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
                 correction[v] = vec4(corrected[0], corrected[1], corrected[2], scalar(0.0))
 
     @wp.kernel(module=module, enable_backward=False)
-    def dense_kernel(
+    def dense(
         items: Items, inverse: HalfRows, scale: Singles, residual: Singles, correction: Numbers, iteration: Ints
     ):
         """The product with a dense inverse. It counts the iteration, too, because here its number is not read."""
@@ -487,7 +479,7 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
             iteration[0] = iteration[0] + 1
 
     @wp.kernel(module=module, enable_backward=False)
-    def prolong_kernel(
+    def prolong(
         items: Items,
         inverse_diagonal: Numbers,
         vertex: Places,
@@ -523,4 +515,4 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
             value = wp.float64(component(own, c)) * wp.float64(corrected)
         add(r_dot_z.products, r_dot_z.iteration[0], 0, value)
 
-    return SimpleNamespace(step=step_kernel, restrict=restrict_kernel, dense=dense_kernel, prolong=prolong_kernel)
+    return SimpleNamespace(step=step, restrict=restrict, dense=dense, prolong=prolong)

@@ -9,7 +9,6 @@ import warp as wp
 from .arguments import Items
 
 FOUR_TYPES = """
-    typedef REAL real;
     typedef real four __attribute__((vector_size(4 * sizeof(real))));
     typedef real loose __attribute__((vector_size(4 * sizeof(real)), aligned(sizeof(real))));
     const auto three = [](const real* x) { return four{x[0], x[1], x[2], 0}; };
@@ -18,9 +17,9 @@ FOUR_TYPES = """
 after it, too, which is not used."""
 
 
-def four_types(scalar: type) -> str:
-    """The C++ types of the loops over vectors in one precision."""
-    return FOUR_TYPES.replace("REAL", "float" if scalar is wp.float32 else "double")
+def real(scalar: type) -> str:
+    """C++ that names a precision."""
+    return f"typedef {'float' if scalar is wp.float32 else 'double'} real;\n"
 
 
 class NativeKernel(wp.Kernel):

@@ -7,10 +7,8 @@ from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
-import warp as wp
-
 from .arguments import Ints, Items, array_types, struct
-from .native import native_kernel
+from .native import native_kernel, real
 
 MEMBERS = 8
 """Most nodes of a group."""
@@ -138,13 +136,12 @@ def node_group_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     """The kernels `invert`, which has WARP items a group on CUDA, and, on the CPU, `correct` in one precision."""
     Groups, (_, Vectors, Blocks) = groups_type(scalar), array_types(scalar)
     module = f"node_groups_{scalar.__name__}_{'cuda' if cuda else 'cpu'}"
-    real = f"typedef {'float' if scalar is wp.float32 else 'double'} real;\n"
 
-    @native_kernel(module, real + (INVERT_ON_CUDA if cuda else INVERT_ON_CPU))
+    @native_kernel(module, real(scalar) + (INVERT_ON_CUDA if cuda else INVERT_ON_CPU))
     def invert(items: Items, groups: Groups, block_of: Ints, blocks: Blocks, inverse_diagonal: Blocks):
         """The inverse of each group's block, less the inverses of its nodes' own blocks."""
 
-    @native_kernel(module, real + CORRECT_ON_CPU)
+    @native_kernel(module, real(scalar) + CORRECT_ON_CPU)
     def correct(items: Items, groups: Groups, residual: Vectors):
         """That matrix times the residual of the members of each group, on the CPU."""
 

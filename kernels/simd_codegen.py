@@ -16,7 +16,6 @@ import warp as wp
 LANES = 8
 """Numbers computed at once: those of one or two vector registers."""
 TYPES = """
-    typedef REAL real;
     typedef real lanes __attribute__((ext_vector_type(8)));
     typedef double wides __attribute__((ext_vector_type(8)));
     const auto each = [](auto function, auto x) {

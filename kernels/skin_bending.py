@@ -17,6 +17,17 @@ from .vectors import sum_reducer
 
 
 @wp.func
+def edges_of(h: int, n: wp.vec4i, rest_edge: wp.array2d[Any], displacement: wp.array[Any]):
+    """Vectors from corner 0 of a hinge to the others."""
+    u = displacement[n[0]]
+    return (
+        rest_edge[h, 0] + (displacement[n[1]] - u),
+        rest_edge[h, 1] + (displacement[n[2]] - u),
+        rest_edge[h, 2] + (displacement[n[3]] - u),
+    )
+
+
+@wp.func
 def hinge_angle(a: Any, b: Any, c: Any):
     """Angle between the normals of the triangles 0 1 2 and 1 0 3, positive where they fold away from them."""
     n = wp.cross(a, b)
@@ -94,7 +105,7 @@ def skin_bending_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     module = f"skin_bending_{scalar.__name__}_{'cuda' if cuda else 'cpu'}"
 
     @wp.kernel(module=module, enable_backward=False)
-    def gradient_kernel(
+    def gradient(
         items: Items,
         hinges: Corners,
         rest_edge: Edges,
@@ -108,10 +119,7 @@ def skin_bending_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         energy = scalar(0.0)
         if h < items.end:
             n = hinges[h]
-            u = displacement[n[0]]
-            a = rest_edge[h, 0] + (displacement[n[1]] - u)
-            b = rest_edge[h, 1] + (displacement[n[2]] - u)
-            c = rest_edge[h, 2] + (displacement[n[3]] - u)
+            a, b, c = edges_of(h, n, rest_edge, displacement)
             change = angle_change(hinge_angle(a, b, c), rest_angle[h])
             energy = stiffness[h] * change * change
             moment = (stiffness[h] + stiffness[h]) * change
@@ -121,7 +129,7 @@ def skin_bending_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
 
     def make_hessian(positive: bool) -> wp.Kernel:
         @wp.kernel(module=module, enable_backward=False)
-        def hessian_kernel(
+        def hessian(
             items: Items,
             hinges: Corners,
             rest_edge: Edges,
@@ -134,11 +142,7 @@ def skin_bending_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         ):
             item = items.first + wp.tid()
             h = wp.min(item, items.end - 1)  # all threads of a warp store together, those past the end as well
-            n = hinges[h]
-            u = displacement[n[0]]
-            a = rest_edge[h, 0] + (displacement[n[1]] - u)
-            b = rest_edge[h, 1] + (displacement[n[2]] - u)
-            c = rest_edge[h, 2] + (displacement[n[3]] - u)
+            a, b, c = edges_of(h, hinges[h], rest_edge, displacement)
             k = stiffness[h] + stiffness[h]
             ga, gb, gc = hinge_gradient(a, b, c)
             aa = k * wp.outer(ga, ga)
@@ -157,10 +161,8 @@ def skin_bending_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
                 cc += moment * t_cc
             add_hessian(blocks, tets + item, tets + h, place_of, aa, ab, ac, bb, bc, cc)
 
-        return hessian_kernel
+        return hessian
 
     return SimpleNamespace(
-        gradient=gradient_kernel,
-        projected_hessian=make_hessian(positive=True),
-        hessian=make_hessian(positive=False),
+        gradient=gradient, projected_hessian=make_hessian(positive=True), hessian=make_hessian(positive=False)
     )

@@ -11,7 +11,7 @@ import warp as wp
 
 from .arguments import Ints, Items, array_types
 from .conjugate_gradient import KEEP_PRODUCT, Dots, find_beta
-from .native import four_types, native_kernel
+from .native import FOUR_TYPES, native_kernel, real
 from .vectors import component, lane_reducer, sum_reducer
 
 PLANES = 9
@@ -61,7 +61,7 @@ def diagonal_inverter(scalar: type) -> wp.Kernel:
     _, _, Blocks = array_types(scalar)
 
     @wp.kernel(module=f"sparse_{scalar.__name__}", enable_backward=False)
-    def invert_diagonal_kernel(items: Items, diagonal: Ints, blocks: Blocks, factor: scalar, inverse: Blocks):
+    def invert_diagonal(items: Items, diagonal: Ints, blocks: Blocks, factor: scalar, inverse: Blocks):
         """factor D^-1; each block is shifted by a millionth of its trace so that a flat one has an inverse."""
         i = items.first + wp.tid()
         if i < items.end:
@@ -69,7 +69,7 @@ def diagonal_inverter(scalar: type) -> wp.Kernel:
             shift = scalar(1.0e-6) * wp.trace(block) + scalar(1.0e-30)
             inverse[i] = factor * wp.inverse(block + shift * wp.identity(n=3, dtype=scalar))
 
-    return invert_diagonal_kernel
+    return invert_diagonal
 
 
 @cache
@@ -78,7 +78,7 @@ def cpu_product_kernel(scalar: type) -> wp.Kernel:
     _, Vectors, Blocks = array_types(scalar)
     Fours = wp.array[wp.types.vector(4, scalar)]
 
-    @native_kernel(f"cpu_product_{scalar.__name__}", four_types(scalar) + MULTIPLY + KEEP_PRODUCT)
+    @native_kernel(f"cpu_product_{scalar.__name__}", real(scalar) + FOUR_TYPES + MULTIPLY + KEEP_PRODUCT)
     def multiply(
         items: Items,
         row_start: Ints,
@@ -107,7 +107,7 @@ def cuda_product_kernels(scalar: type) -> SimpleNamespace:
     module = f"cuda_product_{scalar.__name__}"
 
     @wp.kernel(module=module, enable_backward=False)
-    def split_planes_kernel(items: Items, blocks: Blocks, planes: Planes):
+    def split_planes(items: Items, blocks: Blocks, planes: Planes):
         """Copies the numbers of the blocks into their planes."""
         i = items.first + wp.tid()
         if i < items.end:
@@ -138,7 +138,7 @@ def cuda_product_kernels(scalar: type) -> SimpleNamespace:
         ...
 
     @wp.kernel(module=module, enable_backward=False)
-    def update_search_and_multiply_kernel(
+    def update_search_and_multiply(
         items: Items,
         row_start: Ints,
         columns: Ints,
@@ -173,6 +173,4 @@ def cuda_product_kernels(scalar: type) -> SimpleNamespace:
             product = wp.float64(p[k]) * wp.float64(q[k])
         add(p_dot_q.products, j, 0, product)
 
-    return SimpleNamespace(
-        split_planes=split_planes_kernel, update_search_and_multiply=update_search_and_multiply_kernel
-    )
+    return SimpleNamespace(split_planes=split_planes, update_search_and_multiply=update_search_and_multiply)

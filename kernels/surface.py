@@ -256,20 +256,13 @@ def allowed_collapses(
             was = shape(a, b, c)
             if was >= sliver:
                 worst = wp.min(worst, was)
-            i = a
-            j = b
-            k = c
-            moved = wp.int32(0)
-            if faces[f, 0] == p or faces[f, 0] == q:
-                i = target
-                moved += 1
-            if faces[f, 1] == p or faces[f, 1] == q:
-                j = target
-                moved += 1
-            if faces[f, 2] == p or faces[f, 2] == q:
-                k = target
-                moved += 1
-            if moved == 1:  # the two triangles on both ends vanish
+            i_moves = faces[f, 0] == p or faces[f, 0] == q
+            j_moves = faces[f, 1] == p or faces[f, 1] == q
+            k_moves = faces[f, 2] == p or faces[f, 2] == q
+            i = wp.where(i_moves, target, a)
+            j = wp.where(j_moves, target, b)
+            k = wp.where(k_moves, target, c)
+            if int(i_moves) + int(j_moves) + int(k_moves) == 1:  # the two triangles on both ends vanish
                 new = shape(i, j, k)
                 if was >= sliver:
                     least = wp.min(least, new)

@@ -32,18 +32,10 @@ def mean_ratios(corners: wp.array2d[wp.vec3d], quality: Doubles):
 def quality_with(tets: wp.array[wp.vec4i], nodes: Points, tet: int, node: int, place: wp.vec3d) -> wp.float64:
     """Quality of a tetrahedron with one of its nodes at another place."""
     n = tets[tet]
-    i = nodes[n[0]]
-    j = nodes[n[1]]
-    k = nodes[n[2]]
-    m = nodes[n[3]]
-    if n[0] == node:
-        i = place
-    if n[1] == node:
-        j = place
-    if n[2] == node:
-        k = place
-    if n[3] == node:
-        m = place
+    i = wp.where(n[0] == node, place, nodes[n[0]])
+    j = wp.where(n[1] == node, place, nodes[n[1]])
+    k = wp.where(n[2] == node, place, nodes[n[2]])
+    m = wp.where(n[3] == node, place, nodes[n[3]])
     return mean_ratio(i, j, k, m)
 
 

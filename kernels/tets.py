@@ -25,7 +25,7 @@ from .assembly import (
     hessian_adder,
     with_corner_0,
 )
-from .native import native_kernel
+from .native import native_kernel, real
 from .simd_codegen import LANES, TYPES, Number, Numbers, emit, vectorized
 from .vectors import sums_reducer
 
@@ -120,7 +120,7 @@ def _gradient(formulas: TetFormulas, cuda: bool, loop: bool) -> wp.Kernel:
     Slabs = wp.array2d[wp.types.vector(3, scalar)]
 
     @_kernel(formulas, cuda, gradient_code(formulas) if loop else None)
-    def gradient_kernel(
+    def gradient(
         items: Items,
         tets: Corners,
         elements: elements_type,
@@ -149,7 +149,7 @@ def _gradient(formulas: TetFormulas, cuda: bool, loop: bool) -> wp.Kernel:
             inverted[t] = is_inverted
         add(sums, items.slab, 0, found)
 
-    return gradient_kernel
+    return gradient
 
 
 def _hessian(formulas: TetFormulas, cuda: bool, loop: bool, positive: bool) -> wp.Kernel:
@@ -159,7 +159,7 @@ def _hessian(formulas: TetFormulas, cuda: bool, loop: bool, positive: bool) -> w
     clip = wp.constant(positive)
 
     @_kernel(formulas, cuda, hessian_code(formulas, positive=positive) if loop else None)
-    def hessian_kernel(
+    def hessian(
         items: Items,
         tets: Corners,
         elements: elements_type,
@@ -175,7 +175,7 @@ def _hessian(formulas: TetFormulas, cuda: bool, loop: bool, positive: bool) -> w
         )
         add_hessian(blocks, item, t, place_of, aa, ab, ac, bb, bc, cc)
 
-    return hessian_kernel
+    return hessian
 
 
 TET = "t"
@@ -296,10 +296,6 @@ def _moved() -> list[Numbers]:
     return [Numbers(*(Number(f"moved({a}, {k})") for k in range(3))) for a in range(4)]
 
 
-def _types(scalar: type) -> str:
-    return TYPES.replace("REAL", "float" if scalar is wp.float32 else "double")
-
-
 def gradient_code(formulas: TetFormulas) -> str:
     """C++ that adds energies, gradients and counts of tetrahedra `first` to `end`."""
     elements = _Elements(formulas)
@@ -309,7 +305,7 @@ def gradient_code(formulas: TetFormulas) -> str:
     numbered = ", ".join(map(str, range(LANES)))
     return "\n".join(
         [
-            _types(formulas.scalar),
+            real(formulas.scalar) + TYPES,
             "real* out = (real*)((char*)gradient.data + slab * gradient.strides[0]);",
             "double* total = (double*)((char*)sums.data + slab * sums.strides[0]);",
             "wp::int32 all_inverted = 0, newly_inverted = 0;",
@@ -343,7 +339,7 @@ def hessian_code(formulas: TetFormulas, *, positive: bool) -> str:
     names += [names[-1]] * (-len(names) % LANES)
     return "\n".join(
         [
-            _types(formulas.scalar),
+            real(formulas.scalar) + TYPES,
             "real* out = (real*)blocks.data;",
             TRANSPOSE,
             BEGIN,

@@ -156,14 +156,14 @@ def vector_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     products_type = wp.types.vector(PRODUCTS, wp.float64)
 
     @wp.kernel(module=module, enable_backward=False)
-    def step_kernel(items: Items, length: Doubles, displacement: Vectors, direction: Vectors, trial: Vectors):
+    def step(items: Items, length: Doubles, displacement: Vectors, direction: Vectors, trial: Vectors):
         """trial = displacement + length * direction, free nodes only."""
         i = items.first + wp.tid()
         if i < items.end:
             trial[i] = displacement[i] + scalar(length[0]) * direction[i]
 
     @wp.kernel(module=module, enable_backward=False)
-    def products_kernel(items: Items, gradient: Vectors, direction: Vectors, previous: Vectors, products: Sums):
+    def products(items: Items, gradient: Vectors, direction: Vectors, previous: Vectors, products: Sums):
         """Products of the direction with the gradient, with an earlier gradient and with itself."""
         i = items.first + wp.tid()
         found = products_type()
@@ -175,7 +175,7 @@ def vector_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         add(products, items.slab, 0, found)
 
     @wp.kernel(module=module, enable_backward=False)
-    def extrapolate_kernel(
+    def extrapolate(
         items: Items,
         share: Doubles,
         part: Doubles,
@@ -198,7 +198,7 @@ def vector_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
             displacement[i] = now + (last + scalar(part[0]) * bend[i])
 
     @wp.kernel(module=module, enable_backward=False)
-    def color_kernel(items: Items, inverse_diagonal: Blocks, white: Vectors, colored: Vectors):
+    def color(items: Items, inverse_diagonal: Blocks, white: Vectors, colored: Vectors):
         """C^-T w for D^-1 = C C^T: of white noise, forces whose covariance is D, the diagonal blocks."""
         i = items.first + wp.tid()
         if i < items.end:
@@ -215,7 +215,7 @@ def vector_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
             colored[i] = vec3(wp.vec3d((w[0] - xy * second - xz * third) / x, second, third))
 
     @wp.kernel(module=module, enable_backward=False)
-    def longest_kernel(items: Items, vectors: Vectors, longest: Sums):
+    def longest(items: Items, vectors: Vectors, longest: Sums):
         """Largest squared length of a vector."""
         i = items.first + wp.tid()
         squared = wp.float64(0.0)
@@ -223,10 +223,4 @@ def vector_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
             squared = wp.float64(wp.length_sq(vectors[i]))
         keep_largest(longest, items.slab, 0, squared)
 
-    return SimpleNamespace(
-        step=step_kernel,
-        products=products_kernel,
-        extrapolate=extrapolate_kernel,
-        color=color_kernel,
-        longest=longest_kernel,
-    )
+    return SimpleNamespace(step=step, products=products, extrapolate=extrapolate, color=color, longest=longest)

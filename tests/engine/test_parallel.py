@@ -92,7 +92,7 @@ def pass_on_kernel(items: Items, given: wp.array(dtype=wp.int32), taken: wp.arra
 
 
 @wp.kernel(enable_backward=False)
-def count_down_kernel(left: wp.array(dtype=wp.int32)):
+def count_down_kernel(items: Items, left: wp.array(dtype=wp.int32)):
     left[0] = left[0] - 1
 
 
@@ -102,7 +102,7 @@ def test_a_loop_does_its_launches_one_after_the_other(threads: int) -> None:
     one, other = (wp.zeros(size, dtype=wp.int32, device="cpu") for _ in range(2))
     left = wp.zeros(1, dtype=wp.int32, device="cpu")
     there, back = (parallel.record(pass_on_kernel, size, [a], [b]) for a, b in ((one, other), (other, one)))
-    count = parallel.record_undivided(count_down_kernel, 1, [], [left])
+    count = parallel.record(count_down_kernel, np.array([0, 1]), [], [left])
     run = parallel.graph(parallel.repeat(left, in_sequence(beside(count, there), back)))
     one.assign(np.arange(size, dtype=np.int32))
     for done in (1, 2):

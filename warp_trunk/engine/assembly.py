@@ -14,7 +14,7 @@ from warp_trunk.kernels.assembly import (
     PAIRS,
     PLACES,
     block_completer,
-    gather_kernels,
+    block_gatherer,
     threads_over,
     vec10i,
 )
@@ -133,7 +133,7 @@ class GatheredBlocks:
         model = self._model
         parts = model.zeros(model.scalar, KEPT * (self._stencils + BLOCK))  # the last block of threads is whole
         gather = model.parallel.record(
-            gather_kernels(model.scalar).gather,
+            block_gatherer(model.scalar),
             threads_over(self._gathered),
             [self._gathered, self._symmetric, *self._lists, parts],
             [view(self.blocks, model.scalar, NUMBERS * len(self.blocks))],

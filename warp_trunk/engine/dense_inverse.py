@@ -13,7 +13,7 @@ import warp as wp
 from warp_trunk.kernels.multigrid import KEPT, OCTET, STRIP, WHOLE, cpu_grid_kernels
 
 from .model import Model
-from .parallel import Launch, view
+from .parallel import Launch
 
 SHIFT, IDLE_SHIFT = 1e-6, 1e-3
 """Addition to a unit diagonal; and where a grid has vertices with next to no nodes, whose directions, 1e6
@@ -109,10 +109,10 @@ class DenseProduct:
 
     def __init__(self, model: Model, inverse: DenseInverse) -> None:
         """Uploads the inverse."""
-        self._model, self._size = model, len(inverse.numbers)
-        self.strips = -(-self._size // STRIP)
-        unused = 0, STRIP * self.strips - self._size
-        numbers = np.pad(inverse.numbers, ((0, 0), unused)).reshape(self._size, self.strips, STRIP)
+        self._model, size = model, len(inverse.numbers)
+        self.strips = -(-size // STRIP)
+        unused = 0, STRIP * self.strips - size
+        numbers = np.pad(inverse.numbers, ((0, 0), unused)).reshape(size, self.strips, STRIP)
         self.numbers = model.array(numbers.swapaxes(0, 1).ravel(), wp.int16)
         self._scale = model.array(np.pad(inverse.scale / math.sqrt(WHOLE), unused), model.scalar)
 
@@ -120,7 +120,5 @@ class DenseProduct:
         """Records the product, and the counting of the iteration, for bounds of the ranges of strips.
 
         Both vectors are of shape (n / 3 + STRIP,), vec3, of which n / 3 count."""
-        model = self._model
-        x, y = (view(vectors, model.scalar, 3 * len(vectors)) for vectors in (residual, solution))
-        given = [self._size, self.numbers, self._scale, x]
-        return model.parallel.record(cpu_grid_kernels(model.scalar).dense, bounds, given, [y, iteration])
+        kernel, given = cpu_grid_kernels(self._model.scalar).dense, [self.numbers, self._scale, residual]
+        return self._model.parallel.record(kernel, bounds, given, [solution, iteration])

@@ -120,9 +120,7 @@ class BlockMatrix:
             split_planes = [parallel.record(split, size, [self.blocks], [self._planes])]
         self.inverse_diagonal = model.zeros(self.blocks.dtype, model.free_nodes)
         invert_diagonal = model.over_free(
-            diagonal_inverter(model.scalar),
-            [diagonal, self.blocks, model.scalar(1.0)],
-            [self.inverse_diagonal],
+            diagonal_inverter(model.scalar), [diagonal, self.blocks, model.scalar(1.0)], [self.inverse_diagonal]
         )
         self.assemble_projected: Launch = in_sequence(add("projected_hessian"), *split_planes, invert_diagonal)
         """Sets the matrix to the Hessian at the state as it is now, projected to a positive semidefinite one."""
@@ -151,22 +149,20 @@ class BlockMatrix:
     def update_search_and_multiply(self, at: Iterates) -> Launch:
         """Records p = z + beta p and q = H p with p . q."""
         model, dots = self.model, [at.r_dot_z, at.p_dot_q]
-        z, p, q = (view(v, model.scalar, 3 * len(v)) for v in (at.preconditioned, at.search, at.product))
         if model.parallel.is_cuda:
-            given = [self.row_start, self.columns, self._planes, *dots, at.preconditioned]
+            z, p, q = (view(v, model.scalar, 3 * len(v)) for v in (at.preconditioned, at.search, at.product))
+            given = [self.row_start, self.columns, self._planes, *dots, at.preconditioned, z]
             kernel = cuda_product_kernels(model.scalar).update_search_and_multiply
-            size = LANES * model.free_nodes
-            return model.parallel.record(kernel, size, [*given, z], [p, q])
+            return model.parallel.record(kernel, LANES * model.free_nodes, given, [p, q])
         update_search = conjugate_gradient_kernels(*model.variant).update_search
-        update = model.parallel.record(update_search, self.bounds, [*dots, z], [p])
+        update = model.parallel.record(update_search, self.bounds, [*dots, at.preconditioned], [at.search])
         return in_sequence(update, self.multiply(at.search, at.product, at.p_dot_q))
 
     def update_solution(self, at: Iterates) -> Launch:
         """Records x += alpha p and r -= alpha q, but before the first iteration, on the CPU."""
-        model, kernels = self.model, conjugate_gradient_kernels(*self.model.variant)
-        p, q, x, r = (view(v, model.scalar, 3 * len(v)) for v in (at.search, at.product, at.solution, at.residual))
-        given = [at.r_dot_z, at.p_dot_q, p, q]
-        return model.parallel.record(kernels.update_solution, self.bounds, given, [x, r])
+        kernel = conjugate_gradient_kernels(*self.model.variant).update_solution
+        given = [at.r_dot_z, at.p_dot_q, at.search, at.product]
+        return self.model.parallel.record(kernel, self.bounds, given, [at.solution, at.residual])
 
 
 class Outcome(Enum):
@@ -236,11 +232,8 @@ class ConjugateGradient:
         earlier, measures = model.free_vectors(), model.zeros(wp.float64, ranges, PADDING)
         self._start = model.over_free(kernels.start, [gradient], [x, r, p, earlier])
         self._measure = model.over_free(kernels.measure, [x], [earlier, measures])
-        self._test_convergence = parallel.record_undivided(
-            kernels.test_convergence,
-            1,
-            [most_iterations, self._limits, *dots],
-            [measures, outcome, running],
+        self._test_convergence = parallel.record(
+            kernels.test_convergence, 1, [most_iterations, self._limits, *dots], [measures, outcome, running]
         )
         size = math.prod(at.r_dot_z.products.shape)
         self._reset = parallel.record(kernels.reset, size, [], [*dots, outcome, running])

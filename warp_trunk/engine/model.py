@@ -108,20 +108,12 @@ class Model:
         """Records a launch over the free nodes; see `Parallel.record`."""
         return self.parallel.record(kernel, self.free_nodes, inputs, outputs)
 
-    def over_nodes(self, kernel: Any, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
-        """Records a launch over all nodes; see `Parallel.record`."""
-        return self.parallel.record(kernel, self.nodes, inputs, outputs)
-
     def over_tets(
         self, kernel: Any, inputs: Sequence[Any], outputs: Sequence[Any], block: int = CUDA_BLOCK
     ) -> Launch:
         """Records a launch of a kernel of the energy, which takes its arrays first; see `Parallel.record`."""
         return self.parallel.record(
-            kernel,
-            len(self.corners),
-            [self.tets, self.elements.arrays, *inputs],
-            outputs,
-            block=block,
+            kernel, len(self.corners), [self.tets, self.elements.arrays, *inputs], outputs, block=block
         )
 
     def over_hinges(

@@ -174,32 +174,14 @@ class Parallel:
             dim = -(-(end - first) // block) * block if self.is_cuda else end - first
             if isinstance(kernel, NativeKernel) and not self.is_cuda:
                 dim = 1
-            given = [filled(Items, first=first, end=end, slab=slab), *inputs]
-            commands.append(self._command(kernel, dim, given, outputs, block) if first < end else None)
-        return self._launch(commands)
-
-    def record_undivided(self, kernel: Any, size: int, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
-        """A launch of `kernel(*inputs, *outputs)` that is not split: the few items are not worth a thread."""
-        return self._launch([self._command(kernel, size, inputs, outputs)])
-
-    def _command(
-        self, kernel: Any, size: int, inputs: Sequence[Any], outputs: Sequence[Any], block: int = CUDA_BLOCK
-    ) -> Any:
-        """A launch that Warp has recorded."""
-        return wp.launch(
-            kernel,
-            dim=size,
-            inputs=list(inputs),
-            outputs=list(outputs),
-            device=self.device,
-            block_dim=block,
-            record_cmd=True,
-        )
-
-    def _launch(self, commands: Sequence[Any]) -> Launch:
-        """Commands of the ranges as one launch."""
+            given = [filled(Items, first=first, end=end, slab=slab), *inputs, *outputs]
+            commands.append(
+                wp.launch(kernel, dim, given, device=self.device, block_dim=block, record_cmd=True)
+                if first < end
+                else None
+            )
         if self.is_cuda:
-            return commands[0].launch if commands and commands[0] is not None else nothing
+            return commands[0].launch if any(commands) else nothing
         return _Recorded(self._team, [_Step(tuple(commands))] if any(commands) else [])
 
     def clear(self, array: wp.array) -> Launch:

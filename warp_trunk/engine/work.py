@@ -73,7 +73,7 @@ class Work:
         # evaluation, with the largest displacement
         largest = model.zeros(wp.float64, model.parallel.ranges, COLUMNS)
         self._largest = Readback(model.parallel, largest)
-        find_largest = model.over_nodes(kernels.longest, [state.displacement], [largest])
+        find_largest = model.parallel.record(kernels.longest, model.nodes, [state.displacement], [largest])
         copy_prescribed = partial(wp.copy, self._trial.displacement, state.displacement)  # no step moves them
         measure = (largest.zero_, find_largest, self._largest.send)
         self._measure = graph(*measure)

@@ -10,15 +10,7 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.errors import InputError
-from warp_trunk.kernels.neo_hookean import (
-    CRUSH,
-    CRUSHED,
-    GRAVITY,
-    SHAPE,
-    STIFFENS,
-    VOLUME,
-    neo_hookean_kernels,
-)
+from warp_trunk.kernels.neo_hookean import CRUSH, CRUSHED, GRAVITY, SHAPE, STIFFENS, VOLUME, neo_hookean_kernels
 
 from ..rest_mesh import RestMesh
 from ..tissue import Tissue
