@@ -42,7 +42,7 @@ def native_kernel(module: str, code: str) -> Callable[[Any], NativeKernel]:
             return made
 
         run = wp.func_native(code)(named({"first": int, "end": int, "slab": int, **others}))
-        kernel = named({"items": Items, **others}, run=run)
+        kernel = named({"items": Items, **others}, run=run, wp=wp)
         given = ", ".join(others)
         body = f"def kernel(items, {given}):\n    run(items.first + wp.tid(), items.end, items.slab, {given})"
         options = {"enable_backward": False}
