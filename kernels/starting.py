@@ -58,9 +58,8 @@ def drop_damaged_kernels(cache: Path) -> None:
     Object files of processors and of CUDA are both ELF, whose header says where its last table ends. Another
     process may be writing one: it compiles in a folder that its number ends, which is left alone.
     """
-    for path in (*cache.glob("wp_*/*.o"), *cache.glob("wp_*/*.cubin")):
-        if re.search(r"_p\d+_t\d+$", path.parent.name):
-            continue
+    folders = [folder for folder in cache.glob("wp_*") if not re.search(r"_p\d+_t\d+$", folder.name)]
+    for path in (path for folder in folders for path in (*folder.glob("*.o"), *folder.glob("*.cubin"))):
         try:
             with path.open("rb") as file:
                 head = file.read(64)

@@ -12,7 +12,11 @@ The start is what a solve left, and white noise coloured by D^1/2 of the diagona
 M <= m D for groups of m nodes, its component along any direction is normal with a standard deviation of at least
 that of the noise over m^1/2, about a mean that the former gives. The chance that it is below a bound is therefore
 at most sqrt(2 / pi) of their ratio, whatever the mesh and its spectrum: the chance of error. Rounding of H is in
-the shift s."""
+the shift s.
+
+Along a soft direction the noise may cancel what the solve left, and rounding of forces moves the equilibrium.
+How far follows from the matrix T of Lanczos: a unit of noise along the softest direction, of eigenvalue t, moves
+the solution by 1 / t in the norm of M, where the start has moved it by |v| |T^-1 e_1|."""
 
 from __future__ import annotations
 
@@ -46,14 +50,9 @@ def chance_of_saddle(r_dot_z: np.ndarray, p_dot_q: np.ndarray, noise: float, rou
         A bound, above 1 where nothing is known; infinite where an eigenvalue of the matrix of Lanczos is no more
         than rounding, which more iterations do not change.
     """
-    least = np.minimum(r_dot_z, p_dot_q)
-    count = int(np.argmax(least <= 0.0)) if (least <= 0.0).any() else len(least)  # 0 where nothing is left
-    if noise <= 0.0 or count == 0:
+    diagonal, aside = lanczos(r_dot_z, p_dot_q)
+    if noise <= 0.0 or len(diagonal) == 0:
         return 1.0
-    r_dot_z, p_dot_q = r_dot_z[:count], p_dot_q[:count]
-    alpha, beta = r_dot_z / p_dot_q, r_dot_z[1:] / r_dot_z[:-1]
-    diagonal, aside = 1.0 / alpha, np.sqrt(beta) / alpha[:-1]
-    diagonal[1:] += beta / alpha[:-1]
     largest = float((diagonal + np.append(aside, 0.0) + np.append(0.0, aside)).max())  # Gershgorin
     pivots = [float(diagonal[0]) - rounding * largest]
     for middle, side in zip((diagonal[1:] - rounding * largest).tolist(), (aside * aside).tolist(), strict=True):
@@ -67,6 +66,31 @@ def chance_of_saddle(r_dot_z: np.ndarray, p_dot_q: np.ndarray, noise: float, rou
     total = math.log(math.exp(-top) + float(np.exp(logarithms - top).sum())) + top
     log_component = 0.5 * (math.log(r_dot_z[0]) - total)
     return math.sqrt(2.0 / math.pi) * math.exp(log_component - math.log(noise))
+
+
+def response(r_dot_z: np.ndarray, p_dot_q: np.ndarray) -> float:
+    """How far a unit of noise moves the solution along the softest direction, as a part of how far it moved.
+
+    Args:
+        r_dot_z: of every iteration of conjugate gradients, shape (k,), the first positive.
+        p_dot_q: the same.
+    """
+    diagonal, aside = lanczos(r_dot_z, p_dot_q)
+    matrix = np.diag(diagonal) - np.diag(aside, 1) - np.diag(aside, -1)
+    moved = np.linalg.solve(matrix, math.sqrt(r_dot_z[0]) * np.eye(len(matrix), 1)[:, 0])
+    return float(1.0 / (np.linalg.eigvalsh(matrix)[0] * np.linalg.norm(moved)))
+
+
+def lanczos(r_dot_z: np.ndarray, p_dot_q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The diagonal of the matrix of Lanczos, and what stands beside it without its sign, of the iterations up to
+    where nothing is left."""
+    least = np.minimum(r_dot_z, p_dot_q)
+    count = int(np.argmax(least <= 0.0)) if (least <= 0.0).any() else len(least)
+    r_dot_z, p_dot_q = r_dot_z[:count], p_dot_q[:count]
+    alpha, beta = r_dot_z / p_dot_q, r_dot_z[1:] / r_dot_z[:-1]
+    diagonal = 1.0 / alpha
+    diagonal[1:] += beta / alpha[:-1]
+    return diagonal, np.sqrt(beta) / alpha[:-1]
 
 
 def reach(left: float, steps: Sequence[Step], slowest: float) -> float:

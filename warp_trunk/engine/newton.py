@@ -19,7 +19,7 @@ from .linear import BlockMatrix, Outcome
 from .model import Model
 from .multigrid import Multigrid
 from .parallel import takes_turns
-from .policy import Action, Plan, Run, decide, decide_claim, decide_end, plan, searched, stretch
+from .policy import POLICY, Action, Plan, Run, decide, decide_claim, decide_end, plan, searched, stretch
 from .relaxation import ROUNDING, History, Relaxation, RelaxOptions, RelaxStatus, RelaxStep
 from .state import State
 from .work import Work
@@ -199,7 +199,9 @@ def find_direction(work: Work, run: Run, planned: Plan) -> tuple[Action, int]:
             spent += solution.iterations
         while action is Action.CERTIFY:
             first, chance = work.chances()
-            action = decide_end(run, solution, chance)
+            hidden, rounding = work.hidden() if chance <= POLICY.chance else (0.0, 0.0)
+            run.floor = max(run.floor, rounding)
+            action = decide_end(run, solution, chance, hidden)
             if action is Action.CERTIFY:
                 before = solution.iterations
                 solution = work.go_on(before + stretch(before, first, chance))

@@ -11,7 +11,7 @@ from warp_trunk.kernels.assembly import COLUMNS
 from warp_trunk.kernels.node_groups import MEMBERS
 from warp_trunk.kernels.vectors import vector_kernels
 
-from .certify import chance_of_saddle
+from .certify import chance_of_saddle, response
 from .grids import Grids
 from .line_search import Trial
 from .linear import BlockMatrix, ConjugateGradient, LinearSolution, zero_dots
@@ -50,6 +50,19 @@ class Work:
         self.direction, self._noise = self._solver.solution, 0.0
         white = model.array(np.random.default_rng(0).standard_normal((model.free_nodes, 3)), model.vec3)
         self._color = model.over_free(kernels.color, [self.matrix.inverse_diagonal, white], [self._solver.noise])
+        # how far noise moves the direction
+        inverse = np.trace(self.matrix.inverse_diagonal.numpy().astype(float), axis1=1, axis2=2)
+        self._stiffness = float((3.0 / inverse).mean())
+        before, change = model.free_vectors(), model.free_vectors()
+        most, back = model.zeros(wp.float64, model.parallel.ranges, COLUMNS), model.array(-np.ones(1), wp.float64)
+        self._keep_direction = partial(wp.copy, before, self.direction)
+        self._change = Readback(model.parallel, most)
+        self._find_change = graph(
+            model.over_free(kernels.step, [back, self.direction, before], [change]),
+            most.zero_,
+            model.over_free(kernels.longest, [change], [most]),
+            self._change.send,
+        )
         self._grids_at_rest = True
         self._curved, curvature = model.free_vectors(), zero_dots(model)
         self._multiply = self.matrix.multiply(self._curved, model.free_vectors(), curvature)
@@ -130,6 +143,7 @@ class Work:
         least = POLICY.least_noise * float(np.finfo(model.precision).eps)
         self._noise = max(solution.left / max(3 * model.free_nodes, 1) ** 0.5, least)
         self._ahead = False
+        self._keep_direction()
         self._color()
         return self._solver.add_noise(self._noise)
 
@@ -140,6 +154,15 @@ class Work:
         r_dot_z, p_dot_q = self._solver.coefficients()
         first = chance_of_saddle(r_dot_z[:1], p_dot_q[:1], noise, rounding)
         return first, chance_of_saddle(r_dot_z, p_dot_q, noise, rounding)
+
+    def hidden(self) -> tuple[float, float]:
+        """How far noise and rounding of forces may have moved the solution along the softest direction [mm]."""
+        r_dot_z, p_dot_q = self._solver.coefficients()
+        noise = float(r_dot_z[0] / (3 * self.state.model.free_nodes)) ** 0.5
+        rounding = POLICY.rounding_of_forces * self.floor() * self._stiffness**0.5
+        self._find_change()
+        unit = POLICY.deviations * response(r_dot_z, p_dot_q) * float(self._change.read().max()) ** 0.5
+        return noise * unit, rounding * unit
 
     def go_on(self, iterations: int) -> LinearSolution:
         """Continues the last solve to so many iterations in all."""

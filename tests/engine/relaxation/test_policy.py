@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from warp_trunk.engine.certify import Step, chance_of_saddle, reach
+from warp_trunk.engine.certify import Step, chance_of_saddle, reach, response
 from warp_trunk.engine.line_search import Trial, search
 from warp_trunk.engine.linear import LinearSolution, Outcome
 from warp_trunk.engine.policy import Action, Phase, Run, decide, decide_claim, decide_end, plan, searched
@@ -107,13 +107,28 @@ def test_negative_curvature_is_avoided_far_away_and_followed_near_the_end() -> N
 def test_the_end_is_claimed_only_with_noise_and_by_the_chance() -> None:
     run = near_the_end()
     assert decide(run, plan(run), solved(0.001, 1e-6)) is Action.TRY
-    assert decide_end(run, solved(0.0001), 0.5) is Action.CERTIFY
+    assert decide_end(run, solved(0.0001), 0.5, 0.0) is Action.CERTIFY
     assert run.length == pytest.approx(0.001)  # noise that cancels a part of the way makes it no shorter
-    assert decide_end(run, solved(0.001), 1e-4) is Action.CONVERGED
-    assert decide_end(run, solved(2.0), 1e-4) is Action.SEARCH  # soft tissue that the solve had not reached
-    assert decide_end(run, solved(0.001), math.inf) is Action.STALLED
-    assert decide_end(run, solved(0.001, outcome=Outcome.EXHAUSTED), 1.0) is Action.STALLED
-    assert decide_end(run, solved(0.001, outcome=Outcome.NEGATIVE_CURVATURE), 1.0) is Action.DESCEND
+    assert decide_end(run, solved(0.001), 1e-4, 0.0) is Action.CONVERGED
+    assert decide_end(run, solved(0.001), 1e-4, 0.05) is Action.CONVERGED
+    assert run.distance >= 0.05
+    assert decide_end(run, solved(0.001), math.inf, 0.0) is Action.STALLED
+    assert decide_end(run, solved(0.001, outcome=Outcome.EXHAUSTED), 1.0, 0.0) is Action.STALLED
+    assert decide_end(run, solved(0.001, outcome=Outcome.NEGATIVE_CURVATURE), 1.0, 0.0) is Action.DESCEND
+
+
+@pytest.mark.parametrize(("length", "hidden"), [(2.0, 0.0), (0.001, 2.0)])
+def test_soft_tissue_that_only_noise_reached_makes_the_steps_before_no_evidence(
+    length: float, hidden: float
+) -> None:
+    run = near_the_end()
+    assert decide(run, plan(run), solved(0.001, 1e-6)) is Action.TRY
+    assert run.steps
+    assert decide_end(run, solved(length), 1e-4, hidden) is Action.SEARCH
+    searched(run, 1.0)
+    assert not run.steps
+    assert decide(run, plan(run), solved(0.001, 1e-6)) is not Action.STALLED
+    assert not run.steps  # nor is that one, which noise led astray
 
 
 @pytest.mark.parametrize(("after", "wanted"), [(0.2, Action.CERTIFY), (0.3, Action.SEARCH), (3.0, Action.SEARCH)])
@@ -206,6 +221,13 @@ def test_what_rounding_hides_is_not_excluded() -> None:
         squares, curvatures = coefficients(spectrum(lowest, 1.0), start, 200)
         assert (chance_of_saddle(squares, curvatures, 1.0, 1e-6) == math.inf) == wanted
     assert chance_of_saddle(squares, curvatures, 0.0, 0.0) == 1.0
+
+
+@pytest.mark.parametrize("lowest", [1e-2, 1e-6])
+def test_the_response_to_noise_is_that_along_the_softest_direction(lowest: float) -> None:
+    matrix, start = spectrum(lowest, 0.5), np.random.default_rng(3).standard_normal(SIZE)
+    wanted = 1.0 / lowest / np.linalg.norm(start / np.diag(matrix))
+    assert response(*coefficients(matrix, start, SIZE)) == pytest.approx(wanted, rel=1e-6)
 
 
 @pytest.mark.parametrize(
