@@ -139,13 +139,14 @@ def waist_of(skin: Surface, spine: Spine, line: SacralLine, pelvis: float) -> Wa
     count = (high - low)[cut]
     edge = np.repeat(cut, count)
     row = np.repeat(low[cut] - np.cumsum(count) + count, count) + np.arange(count.sum())
-    if len(np.unique(row)) < len(heights):
-        return None
     a, b = start[edge], end[edge]
     there = aside[a] + (heights[row] - z[a]) / (z[b] - z[a]) * (aside[b] - aside[a])
-    widths = np.full((len(heights), 2), -np.inf)
-    np.maximum.at(widths, row, np.column_stack([there, -there]))
-    hulls = [(width, upper_hull(heights, width)) for width in widths.T]
+    widths = np.full((2, len(heights)), -np.inf)
+    for width, side in zip(widths, (there, -there), strict=True):
+        np.maximum.at(width, row, side)
+    if not np.isfinite(widths).all():  # no skin at a height
+        return None
+    hulls = [(width, upper_hull(heights, width)) for width in widths]
     gaps = np.transpose([np.interp(heights, heights[hull], width[hull]) - width for width, hull in hulls])
     weights = np.square(gaps).sum(axis=0)
     left, right = np.divide((heights - pelvis) @ np.square(gaps), weights, out=np.zeros(2), where=weights > 0.0)
