@@ -147,9 +147,10 @@ class Relaxer:
                 work.accept()
                 history.add(trial)
                 run.confirm = confirm and (confirm_inverted or not history.inverted_tets)
+            leads_on = searched(run, trial and trial.length)
             if not run.confirm and run.known and run.distance <= run.tolerance:
                 return history.end(RelaxStatus.NEAR, run.distance)
-            if not searched(run, trial and trial.length):
+            if not leads_on:
                 return history.end(RelaxStatus.STALLED, math.inf)
             planned = plan(run)
             begin(work, planned)

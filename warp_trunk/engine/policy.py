@@ -298,7 +298,7 @@ def searched(run: Run, length: float | None) -> bool:
     """
     run.whole = length == 1.0
     if length is None and run.reuse:  # with the Hessian of the state one may
-        run.reuse, run.length = False, math.inf
+        run.reuse, run.known, run.length = False, False, math.inf
         return True
     if length is None:  # the true Hessian is tried once where the projected one leads nowhere
         run.try_true = run.at_saddle = True

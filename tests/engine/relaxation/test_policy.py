@@ -79,9 +79,11 @@ def test_a_solve_with_a_hessian_of_before_that_did_not_end_is_not_believed(outco
 
 def test_a_step_with_a_hessian_of_before_that_is_not_taken_whole_is_solved_for_anew() -> None:
     run = Run(1.0, reuse=True)
-    assert decide(run, plan(run), solved(0.8)) is Action.SEARCH
+    assert decide(run, plan(run), solved(0.4)) is Action.SEARCH
+    assert run.known
     assert searched(run, None)
     assert plan(run).fresh
+    assert not run.known  # nothing is claimed by a step that does not lower the energy
     assert decide(run, plan(run), solved(0.3)) is Action.SEARCH
     assert run.distance == pytest.approx(0.6)  # as of a first step: no other was taken
     assert not searched(run, None)
