@@ -167,19 +167,20 @@ def colliding_bones(trunk: TrunkMesh, bone_path: PrescribedMotion) -> list[str]:
     the path folds it.
     """
     held = np.flatnonzero(trunk.prescribed[trunk.tets].all(axis=1))
-    return _places(trunk, _inverted(trunk, bone_path, held), "bones collide")
+    inverted = held[_inverted(trunk, bone_path, trunk.tets[held])]
+    return _places(trunk, inverted, "bones collide")
 
 
 def folded_tissue(trunk: TrunkMesh, bone_path: PrescribedMotion) -> list[str]:
     """Where the path, which carries all nodes, turns tetrahedra inside out, in words; relaxation may repair
     them."""
-    inverted = _inverted(trunk, bone_path, np.arange(len(trunk.tets)))
+    inverted = np.flatnonzero(_inverted(trunk, bone_path, trunk.tets))
     return _places(trunk, inverted, "the path of the bones folds tissue")
 
 
 def _inverted(trunk: TrunkMesh, bone_path: PrescribedMotion, tets: np.ndarray) -> np.ndarray:
-    """Those of some tetrahedra (n,) that the path turns inside out at its end, their numbers."""
-    return tets[tet_volumes(trunk.nodes + bone_path.at(1.0), trunk.tets[tets]) <= 0.0]
+    """Which tetrahedra of some (n, 4) the path turns inside out at its end, shape (n,)."""
+    return tet_volumes(trunk.nodes + bone_path.at(1.0), tets) <= 0.0
 
 
 def _places(trunk: TrunkMesh, inverted: np.ndarray, what: str) -> list[str]:
