@@ -10,7 +10,7 @@ import warp as wp
 
 from .arguments import Doubles, Ints, Items, Sums, array_types, struct
 from .native import native_kernel, real
-from .vectors import max_reducer, sum_reducer
+from .vectors import add_sum, keep_largest
 
 CHANGE, LENGTH, SUM = range(3)
 """Columns of the measures of a solution: largest squared change and length of a vector, and a sum that shows
@@ -100,13 +100,12 @@ def find_beta(r_dot_z: Dots, p_dot_q: Dots) -> wp.float64: ...
 
 
 @cache
-def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
+def conjugate_gradient_kernels(scalar: type) -> SimpleNamespace:
     """The kernels of the loop, in its order, in one precision; on CUDA `sparse` and `multigrid` do the vector
     steps."""
-    add, keep_largest = sum_reducer(cuda), max_reducer(cuda)
     vec3 = wp.types.vector(3, scalar)
     _, Vectors, _ = array_types(scalar)
-    module = f"conjugate_gradient_{scalar.__name__}_{'cuda' if cuda else 'cpu'}"
+    module = f"conjugate_gradient_{scalar.__name__}"
 
     @wp.kernel(module=module, enable_backward=False)
     def reset(items: Items, r_dot_z: Dots, p_dot_q: Dots, outcome: Doubles, running: Ints):
@@ -165,7 +164,7 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
             change = wp.float64(wp.length_sq(x - earlier[i]))
             length = wp.float64(wp.length_sq(x))
             earlier[i] = x
-        add(measures, items.slab, SUM, length)
+        add_sum(measures, items.slab, SUM, length)
         keep_largest(measures, items.slab, CHANGE, change)
         keep_largest(measures, items.slab, LENGTH, length)
 

@@ -15,7 +15,7 @@ from .arguments import Ints, Items, array_types
 from .conjugate_gradient import KEEP_PRODUCT, Dots, find_alpha
 from .native import FOUR_TYPES, native_kernel, real
 from .node_groups import MEMBERS, groups_type
-from .vectors import component, lane_reducer, sum_reducer
+from .vectors import add_sum, component, lane_reducer
 
 vec8i = wp.types.vector(8, wp.int32)
 Cells = wp.array[vec8i]
@@ -302,7 +302,7 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
 
     `number` is the type of the numbers of nodes and vertices.
     """
-    add, add_lanes, add_row = sum_reducer(True), lane_reducer(scalar), lane_reducer(wp.float32)
+    add_lanes, add_row = lane_reducer(scalar), lane_reducer(wp.float32)
     vec3, vec4 = (wp.types.vector(size, scalar) for size in (3, 4))
     Numbers, _, Blocks = array_types(scalar)
     Fours, Places, Groups = wp.array[vec4], wp.array[number], groups_type(scalar)
@@ -513,6 +513,6 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
                 corrected += component(groups.correction[m], c)
             z[k] = corrected
             value = wp.float64(component(own, c)) * wp.float64(corrected)
-        add(r_dot_z.products, r_dot_z.iteration[0], 0, value)
+        add_sum(r_dot_z.products, r_dot_z.iteration[0], 0, value)
 
     return SimpleNamespace(step=step, restrict=restrict, dense=dense, prolong=prolong)

@@ -91,6 +91,14 @@ INVERT_ON_CPU = f"""
     }}
 """
 
+INVERT = f"""
+#if defined(__CUDA_ARCH__)
+{INVERT_ON_CUDA}
+#else
+{INVERT_ON_CPU}
+#endif
+"""
+
 CORRECT_ON_CPU = f"""
     for (int group = first; group < end; ++group) {{
         {GROUP}
@@ -132,12 +140,12 @@ def groups_type(scalar: type) -> Any:
 
 
 @cache
-def node_group_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
+def node_group_kernels(scalar: type) -> SimpleNamespace:
     """The kernels `invert`, which has WARP items a group on CUDA, and, on the CPU, `correct` in one precision."""
     Groups, (_, Vectors, Blocks) = groups_type(scalar), array_types(scalar)
-    module = f"node_groups_{scalar.__name__}_{'cuda' if cuda else 'cpu'}"
+    module = f"node_groups_{scalar.__name__}"
 
-    @native_kernel(module, real(scalar) + (INVERT_ON_CUDA if cuda else INVERT_ON_CPU))
+    @native_kernel(module, real(scalar) + INVERT)
     def invert(items: Items, groups: Groups, block_of: Ints, blocks: Blocks, inverse_diagonal: Blocks):
         """The inverse of each group's block, less the inverses of its nodes' own blocks."""
 

@@ -13,7 +13,7 @@ import warp as wp
 
 from .arguments import Corners, Items, Sums, array_types
 from .assembly import BENDING, Places, add_gradient, block_sums_type, hessian_adder
-from .vectors import sum_reducer
+from .vectors import add_sum
 
 
 @wp.func
@@ -99,7 +99,7 @@ def angle_change(angle: Any, rest_angle: Any):
 @cache
 def skin_bending_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     """The kernels `gradient`, `projected_hessian` (made positive) and `hessian` in one precision."""
-    add, add_hessian, blocks_type = sum_reducer(cuda), hessian_adder(scalar, cuda), block_sums_type(scalar, cuda)
+    add_hessian, blocks_type = hessian_adder(scalar, cuda), block_sums_type(scalar, cuda)
     Numbers, Vectors, _ = array_types(scalar)
     Edges = Slabs = wp.array2d[wp.types.vector(3, scalar)]
     module = f"skin_bending_{scalar.__name__}_{'cuda' if cuda else 'cpu'}"
@@ -125,7 +125,7 @@ def skin_bending_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
             moment = (stiffness[h] + stiffness[h]) * change
             ga, gb, gc = hinge_gradient(a, b, c)
             add_gradient(gradient, items.slab, n, -moment * (ga + gb + gc), moment * ga, moment * gb, moment * gc)
-        add(sums, items.slab, BENDING, wp.float64(energy))
+        add_sum(sums, items.slab, BENDING, wp.float64(energy))
 
     def make_hessian(positive: bool) -> wp.Kernel:
         @wp.kernel(module=module, enable_backward=False)

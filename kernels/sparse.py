@@ -12,7 +12,7 @@ import warp as wp
 from .arguments import Ints, Items, array_types
 from .conjugate_gradient import KEEP_PRODUCT, Dots, find_beta
 from .native import FOUR_TYPES, native_kernel, real
-from .vectors import component, lane_reducer, sum_reducer
+from .vectors import add_sum, component, lane_reducer
 
 PLANES = 9
 """Numbers of a block."""
@@ -101,7 +101,7 @@ def cpu_product_kernel(scalar: type) -> wp.Kernel:
 @cache
 def cuda_product_kernels(scalar: type) -> SimpleNamespace:
     """The kernels `split_planes` and `update_search_and_multiply` in one precision."""
-    add, add_lanes = sum_reducer(True), lane_reducer(scalar)
+    add_lanes = lane_reducer(scalar)
     vec3, Planes = wp.types.vector(3, scalar), wp.array2d[scalar]
     Numbers, Vectors, Blocks = array_types(scalar)
     module = f"cuda_product_{scalar.__name__}"
@@ -171,6 +171,6 @@ def cuda_product_kernels(scalar: type) -> SimpleNamespace:
                 p[k] = numbers_of_z[k] + scalar(beta) * p[k]
                 q[k] = own + scalar(beta) * q[k]
             product = wp.float64(p[k]) * wp.float64(q[k])
-        add(p_dot_q.products, j, 0, product)
+        add_sum(p_dot_q.products, j, 0, product)
 
     return SimpleNamespace(split_planes=split_planes, update_search_and_multiply=update_search_and_multiply)

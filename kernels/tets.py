@@ -115,7 +115,7 @@ def _kernel(formulas: TetFormulas, cuda: bool, loop: str | None) -> Callable[[An
 def _gradient(formulas: TetFormulas, cuda: bool, loop: bool) -> wp.Kernel:
     scalar, evaluate, elements_type = formulas.scalar, formulas.evaluate, formulas.elements
     used = max(formulas.columns) + 1
-    add, sums_type = sums_reducer(cuda, used), wp.types.vector(used, wp.float64)
+    add, sums_type = sums_reducer(used), wp.types.vector(used, wp.float64)
     _, Vectors, _ = array_types(scalar)
     Slabs = wp.array2d[wp.types.vector(3, scalar)]
 

@@ -21,20 +21,7 @@ def component(v: Any, c: int):
 
 
 @cache
-def sum_reducer(cuda: bool) -> Any:
-    """The function that adds a value of every item into sums[row, column]; see `sums_reducer`."""
-    add_columns = sums_reducer(cuda, 1)
-    one: Any = wp.types.vector(1, wp.float64)
-
-    @wp.func
-    def add(sums: Sums, row: int, column: int, value: wp.float64):
-        add_columns(sums, row, column, one(value))
-
-    return add
-
-
-@cache
-def sums_reducer(cuda: bool, count: int) -> Any:
+def sums_reducer(count: int) -> Any:
     """The function that adds values of every item into as many columns of a row, at most 8.
 
     On CUDA a block of at least `count` warps adds up first, and all its threads must call it: half a million
@@ -44,6 +31,7 @@ def sums_reducer(cuda: bool, count: int) -> Any:
     values_type: Any = wp.types.vector(count, wp.float64)
 
     @wp.func_native(f"""
+    #if defined(__CUDA_ARCH__)
     __shared__ double parts[{count}][32];
     const int lane = threadIdx.x % 32, warp = threadIdx.x / 32;
     #pragma unroll
@@ -59,18 +47,23 @@ def sums_reducer(cuda: bool, count: int) -> Any:
         if (lane == 0) atomicAdd(sums.data + (size_t)sums.shape[1] * row + column + warp, value);
     }}
     __syncthreads();  // the parts are free for another sum
+    #else
+    for (int k = 0; k < {count}; ++k) sums.data[(size_t)sums.shape[1] * row + column + k] += values[k];
+    #endif
     """)
-    def add_over_block(sums: Sums, row: int, column: int, values: values_type): ...
-
-    @wp.func
-    def add(sums: Sums, row: int, column: int, values: values_type):
-        if wp.static(cuda):
-            add_over_block(sums, row, column, values)
-        else:
-            for k in range(wp.static(count)):
-                sums[row, column + k] += values[k]
+    def add(sums: Sums, row: int, column: int, values: values_type): ...
 
     return add
+
+
+add_one = sums_reducer(1)
+one: Any = wp.types.vector(1, wp.float64)
+
+
+@wp.func
+def add_sum(sums: Sums, row: int, column: int, value: wp.float64):
+    """Adds a value of every item into sums[row, column]; see `sums_reducer`."""
+    add_one(sums, row, column, one(value))
 
 
 @cache
@@ -86,32 +79,24 @@ def lane_reducer(scalar: type) -> Any:
     return add_lanes
 
 
-@cache
-def max_reducer(cuda: bool) -> Any:
-    """The function that sets values[row, column] to the largest value of any item, none of which is below 0.
+@wp.func_native("""
+    double* kept = values.data + (size_t)values.shape[1] * row + column;
+    #if defined(__CUDA_ARCH__)
+    double largest = value > 0.0 ? value : 0.0;
+    for (int away = 16; away > 0; away /= 2) largest = fmax(largest, __shfl_xor_sync(0xffffffffu, largest, away));
+    if (threadIdx.x % 32 == 0 && largest > *kept)
+        atomicMax(reinterpret_cast<unsigned long long*>(kept), (unsigned long long)__double_as_longlong(largest));
+    #else
+    if (value > *kept) *kept = value;
+    #endif
+""")
+def keep_largest(values: Sums, row: int, column: int, value: wp.float64):
+    """Sets values[row, column] to the largest value of any item, none of which is below 0.
 
     It looks first, since most items are not the largest. On CUDA, where all threads of a warp must call it, one
     does for all, by their bits, whose order is the same: a maximum of doubles is a loop there, in which thousands
     of threads waited for each other (44 us where 4 will do). NaN is no largest.
     """
-
-    @wp.func_native("""
-    double largest = value > 0.0 ? value : 0.0;
-    for (int away = 16; away > 0; away /= 2) largest = fmax(largest, __shfl_xor_sync(0xffffffffu, largest, away));
-    double* kept = values.data + (size_t)values.shape[1] * row + column;
-    if (threadIdx.x % 32 == 0 && largest > *kept)
-        atomicMax(reinterpret_cast<unsigned long long*>(kept), (unsigned long long)__double_as_longlong(largest));
-    """)
-    def keep_over_warp(values: Sums, row: int, column: int, value: wp.float64): ...
-
-    @wp.func
-    def keep_largest(values: Sums, row: int, column: int, value: wp.float64):
-        if wp.static(cuda):
-            keep_over_warp(values, row, column, value)
-        elif value > values[row, column]:
-            values[row, column] = value
-
-    return keep_largest
 
 
 @cache
@@ -147,12 +132,12 @@ LEAST = wp.constant(wp.float64(1e-12))
 
 
 @cache
-def vector_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
+def vector_kernels(scalar: type) -> SimpleNamespace:
     """The kernels of the loop, in one precision."""
-    add, keep_largest = sums_reducer(cuda, PRODUCTS), max_reducer(cuda)
+    add = sums_reducer(PRODUCTS)
     vec3 = wp.types.vector(3, scalar)
     _, Vectors, Blocks = array_types(scalar)
-    module = f"vectors_{scalar.__name__}_{'cuda' if cuda else 'cpu'}"
+    module = f"vectors_{scalar.__name__}"
     products_type = wp.types.vector(PRODUCTS, wp.float64)
 
     @wp.kernel(module=module, enable_backward=False)

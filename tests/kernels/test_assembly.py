@@ -14,7 +14,7 @@ from warp_trunk.kernels.assembly import COLUMNS, KEPT, NUMBERS, PAIRS, SYMMETRIC
 from warp_trunk.kernels.itmsm import itmsm_formulas
 from warp_trunk.kernels.neo_hookean import neo_hookean_formulas
 from warp_trunk.kernels.tets import TetFormulas, tet_kernels
-from warp_trunk.kernels.vectors import max_reducer, sums_reducer
+from warp_trunk.kernels.vectors import keep_largest, sums_reducer
 
 from support.meshes import block
 from support.models import dense_hessian, differenced_gradient, model_of
@@ -179,9 +179,9 @@ ITEMS = 1000
 ROW, COLUMN = 1, 2
 
 
-def reducing_kernel(cuda: bool, count: int) -> Any:
+def reducing_kernel(count: int) -> Any:
     """A kernel that adds up the items of a table, and keeps the largest of its first column."""
-    add, keep_largest = sums_reducer(cuda, count), max_reducer(cuda)
+    add = sums_reducer(count)
     values_type: Any = wp.types.vector(count, wp.float64)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -208,7 +208,7 @@ def test_columns_are_added_up_and_the_largest_is_kept(device: str, count: int) -
     table = generator.integers(-1000, 1000, size=(ITEMS, count)).astype(float)  # whose sums are exact
     sums, largest = (wp.zeros((3, 16), dtype=wp.float64, device=device) for _ in range(2))
     given = wp.array(table, dtype=wp.types.vector(count, wp.float64), device=device)
-    launch = parallel.record(reducing_kernel(parallel.is_cuda, count), ITEMS, [given], [sums, largest])
+    launch = parallel.record(reducing_kernel(count), ITEMS, [given], [sums, largest])
     for times in (1, 2):
         launch()
         expected = np.zeros((3, 16))
@@ -226,5 +226,5 @@ def test_only_numbers_above_zero_are_kept(device: str, values: list[float], kept
     parallel = Parallel(device, threads=1)
     sums, largest = (wp.zeros((3, 16), dtype=wp.float64, device=device) for _ in range(2))
     given = wp.array(np.array(values)[:, None], dtype=wp.types.vector(1, wp.float64), device=device)
-    parallel.record(reducing_kernel(parallel.is_cuda, 1), len(values), [given], [sums, largest])()
+    parallel.record(reducing_kernel(1), len(values), [given], [sums, largest])()
     assert largest.numpy()[ROW, COLUMN] == kept

@@ -36,7 +36,7 @@ class ProjectedGradient:
         model = relaxer.model
         self._trial = State(model, start=self._state)
         self._direction, self._length = model.free_vectors(), model.zeros(wp.float64, 1)
-        kernels = vector_kernels(*model.variant)
+        kernels = vector_kernels(model.scalar)
         downhill = [model.array(np.array([-1.0]), wp.float64), model.free_vectors(), self._state.gradient]
         self._turn_downhill = model.over_free(kernels.step, downhill, [self._direction])
         self._step = model.over_free(

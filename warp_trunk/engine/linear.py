@@ -154,13 +154,13 @@ class BlockMatrix:
             given = [self.row_start, self.columns, self._planes, *dots, at.preconditioned, z]
             kernel = cuda_product_kernels(model.scalar).update_search_and_multiply
             return model.parallel.record(kernel, LANES * model.free_nodes, given, [p, q])
-        update_search = conjugate_gradient_kernels(*model.variant).update_search
+        update_search = conjugate_gradient_kernels(model.scalar).update_search
         update = model.parallel.record(update_search, self.bounds, [*dots, at.preconditioned], [at.search])
         return in_sequence(update, self.multiply(at.search, at.product, at.p_dot_q))
 
     def update_solution(self, at: Iterates) -> Launch:
         """Records x += alpha p and r -= alpha q, but before the first iteration, on the CPU."""
-        kernel = conjugate_gradient_kernels(*self.model.variant).update_solution
+        kernel = conjugate_gradient_kernels(self.model.scalar).update_solution
         given = [at.r_dot_z, at.p_dot_q, at.search, at.product]
         return self.model.parallel.record(kernel, self.bounds, given, [at.solution, at.residual])
 
@@ -228,7 +228,7 @@ class ConjugateGradient:
         self.solution, self.residual, self.search = x, r, p = at.solution, at.residual, at.search
         precondition = preconditioner.step_and_apply(at)
         iterate = in_sequence(matrix.update_search_and_multiply(at), precondition)
-        kernels = conjugate_gradient_kernels(*model.variant)
+        kernels = conjugate_gradient_kernels(model.scalar)
         earlier, measures = model.free_vectors(), model.zeros(wp.float64, ranges, PADDING)
         self._start = model.over_free(kernels.start, [gradient], [x, r, p, earlier])
         self._measure = model.over_free(kernels.measure, [x], [earlier, measures])
@@ -238,7 +238,7 @@ class ConjugateGradient:
         size = math.prod(at.r_dot_z.products.shape)
         self._reset = parallel.record(kernels.reset, size, [], [*dots, outcome, running])
         self._amount, self.noise = model.zeros(wp.float64, 1), model.free_vectors()
-        add_noise = model.over_free(vector_kernels(*model.variant).step, [self._amount, r, self.noise], [r])
+        add_noise = model.over_free(vector_kernels(model.scalar).step, [self._amount, r, self.noise], [r])
 
         def windows(size: int) -> Launch:
             """Iterations and a test of how far they moved the solution; the device decides when the loop ends."""

@@ -80,11 +80,6 @@ class Model:
         return wp.types.vector(3, self.scalar)
 
     @property
-    def variant(self) -> tuple[Any, bool]:
-        """Which build of the kernels it needs: precision, and whether for CUDA."""
-        return self.scalar, self.parallel.is_cuda
-
-    @property
     def nodes(self) -> int:
         """Number of nodes."""
         return len(self.order)

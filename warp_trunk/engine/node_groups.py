@@ -59,9 +59,9 @@ class NodeGroups:
             member_of=model.array(member_of, wp.int32),
             correction=model.zeros(model.vec3, max(len(nodes), 1)),
         )
-        self._correct, self._bounds = node_group_kernels(*model.variant).correct, matrix.split(len(groups))
+        self._correct, self._bounds = node_group_kernels(model.scalar).correct, matrix.split(len(groups))
         self.update: Launch = model.parallel.record(
-            node_group_kernels(*model.variant).invert,
+            node_group_kernels(model.scalar).invert,
             (WARP if model.parallel.is_cuda else 1) * self._bounds,
             [self.arrays, model.array(block_of, wp.int32), matrix.blocks, matrix.inverse_diagonal],
             [],

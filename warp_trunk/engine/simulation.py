@@ -240,7 +240,7 @@ class Predictor:
         self._staged = 0.0
         self._share, self._part = (model.zeros(wp.float64, 1) for _ in range(2))
         self._extrapolate = model.over_free(
-            vector_kernels(*model.variant).extrapolate,
+            vector_kernels(model.scalar).extrapolate,
             [self._share, self._part],
             [state.displacement, model.scanned(), model.free_vectors(), model.free_vectors()],
         )

@@ -146,7 +146,7 @@ class ProductReader:
         given = [state.gradient, direction, previous]
         self.launch: Launch = in_sequence(
             model.parallel.clear(self._products),
-            model.over_free(vector_kernels(*model.variant).products, given, [self._products]),
+            model.over_free(vector_kernels(model.scalar).products, given, [self._products]),
             self._host.send,
         )
         """Computes the products of the vectors as they are now, on the device."""

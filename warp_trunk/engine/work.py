@@ -43,7 +43,7 @@ class Work:
         self.matrix = BlockMatrix(state)
         self.preconditioner = Multigrid(self.matrix, grids)
         self._trial, self._version = State(model, start=state), 0
-        kernels, graph = vector_kernels(*model.variant), model.parallel.graph
+        kernels, graph = vector_kernels(model.scalar), model.parallel.graph
         self._assemble_projected = graph(self.matrix.assemble_projected, self.preconditioner.update)
         self._assemble_true = graph(self.matrix.assemble_true)
         self._solver = ConjugateGradient(self.matrix, self.preconditioner, state.gradient)
