@@ -5,7 +5,7 @@ into the slab `items.slab` of an accumulator, so that CPU threads never write to
 """
 
 from functools import cache
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import warp as wp
 
@@ -31,7 +31,7 @@ Flags = wp.array[wp.int8]
 Ints = wp.array[wp.int32]
 Points = wp.array[wp.vec3d]
 Doubles = wp.array[wp.float64]
-Sums = wp.array2d[wp.float64]
+Sums = wp.array[wp.float64, Literal[2]]
 """By slab or iteration, and column."""
 Corners = wp.array[wp.vec4i]
 """The nodes of tetrahedra or hinges."""

@@ -433,7 +433,7 @@ class Readback:
     writes to the host's memory takes 2, and the host waits for the stream alone.
     """
 
-    def __init__(self, parallel: Parallel, array: wp.array) -> None:
+    def __init__(self, parallel: Parallel, array: wp.array[Any, Any]) -> None:
         """For an array, shape (...), whose numbers of float64 are few."""
         self._parallel = parallel
         self.send: Launch = nothing
