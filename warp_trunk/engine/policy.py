@@ -285,6 +285,7 @@ def _estimate(run: Run, planned: Plan, solution: LinearSolution, policy: Policy)
     if 0.0 < before < math.inf:
         fallen = solution.norm / run.norm  # less than the length, where stiff motions hide soft ones
         left = min(max(length / before, fallen), policy.slowest)
+        run.known = run.known and (run.confirm or fallen <= 1.0)  # or else the step strained stiff motions
     run.length, run.norm = length, solution.norm
     run.phase = Phase.TRUE if planned.true else Phase.PROJECTED
     run.distance = run.floor + length * max(1.0, left / (1.0 - left))

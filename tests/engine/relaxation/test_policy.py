@@ -89,6 +89,15 @@ def test_a_step_with_a_hessian_of_before_that_is_not_taken_whole_is_solved_for_a
     assert not searched(run, None)
 
 
+def test_on_the_way_a_claim_needs_a_gradient_that_falls() -> None:
+    for norm, known in ((0.9, True), (1.1, False)):
+        run = Run(2.0)
+        assert decide(run, plan(run), solved(0.5)) is Action.SEARCH
+        searched(run, 1.0)
+        assert decide(run, plan(run), solved(0.1, norm)) is Action.SEARCH
+        assert run.known == known
+
+
 def test_negative_curvature_is_avoided_far_away_and_followed_near_the_end() -> None:
     run = Run(0.1, confirm=True, try_true=True, distance=8.0)
     down = solved(3.0, outcome=Outcome.NEGATIVE_CURVATURE)

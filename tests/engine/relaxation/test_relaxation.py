@@ -233,9 +233,11 @@ def test_what_is_on_the_way_is_not_claimed() -> None:
 
 
 @pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
-@pytest.mark.parametrize("cells", [(2, 2, 2), (2, 2, 4), (3, 2, 4)])
+@pytest.mark.parametrize(
+    ("cells", "tolerance"), [((2, 2, 2), 0.1), ((2, 2, 4), 0.1), ((3, 2, 4), 0.1), ((2, 2, 4), 1.0)]
+)
 def test_stiff_tissue_does_not_hide_how_far_soft_tissue_has_to_go(
-    energy: str, cells: tuple[int, int, int]
+    energy: str, cells: tuple[int, int, int], tolerance: float
 ) -> None:
     """Stiffness 1 : 1e4: a step along soft motions strains stiff ones, and the next solve has short vectors."""
     trunk, soft = block(cells), Tissue(epsilon=0.0, theta=0.0)
@@ -244,13 +246,13 @@ def test_stiff_tissue_does_not_hide_how_far_soft_tissue_has_to_go(
         replace(trunk, tissue=upper.astype(np.int8)),
         replace(soft, youngs_modulus=1e4 * soft.youngs_modulus),
     )
-    relaxer = Relaxer(model_of(trunk, [soft, stiff], energy=energy), RelaxOptions(tolerance=0.1))
+    relaxer = Relaxer(model_of(trunk, [soft, stiff], energy=energy), RelaxOptions(tolerance=tolerance))
     relaxer.state.set_displacement(held_turned(trunk, 20.0, [3.0, 0.0, 1.0]))
     ended = relaxer.relax(confirm=False)
     claimed = relaxer.state.host_displacement()
     assert ended.status is RelaxStatus.NEAR
     assert relaxer.relax(1e-3).status is RelaxStatus.CONVERGED
-    assert np.linalg.norm(relaxer.state.host_displacement() - claimed, axis=1).max() <= 0.2
+    assert np.linalg.norm(relaxer.state.host_displacement() - claimed, axis=1).max() <= 2.0 * tolerance
 
 
 COLUMN = column()
