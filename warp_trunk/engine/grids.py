@@ -5,12 +5,10 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from .dense_inverse import DenseInverse
+from .dense_inverse import DenseInverse
 
 LEAST_SUPPORT = 0.01
 """A grid vertex that reaches its points with a smaller sum of squared weights is left out."""

@@ -67,7 +67,6 @@ class Multigrid:
         laid, to_nodes = lay_grids(model.rest[model.free]) if grids is None else grids.reaching(model.free_nodes)
         onto_nodes = [_Interpolation(model, onto) for onto in to_nodes]
         sizes = [onto.vertices for onto in to_nodes]
-        # early: threads of a linear algebra library stay busy for a while
         inverse = grids.inverse if grids else invert(grid_matrix(matrix, onto_nodes[-1], sizes[-1]))
         self.grids = Grids(laid, to_nodes, inverse)
         self._groups = NodeGroups(matrix)
