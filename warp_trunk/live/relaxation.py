@@ -205,8 +205,9 @@ MOST = 12
 """Number of plans that are remembered."""
 _APART = 0.5
 """A plan that is nearer than this to a remembered one takes its place [mm]."""
-_DOUBT = 0.5
-"""Plans are weighted as if landmarks had this error [mm], because they were relaxed to a millimetre only."""
+_DOUBT = 0.1
+"""Plans are weighted as if landmarks had this error [mm], because relaxed plans are wrong by as much and more. Of
+245 plans on five ways one step was enough for 212, with 0.25 mm for 203, with 0.5 mm for 187."""
 
 
 class InitialGuess:
