@@ -48,13 +48,27 @@ class NeoHookean:
         """Arrays of the tetrahedra for its kernels, after their corners."""
         return self.kernels.bundle(self)
 
-    def measures(self, rest: RestMesh) -> dict[str, wp.array]:
-        """Values of the arrays of these names for a rest state."""
-        return measures(rest)
+    @staticmethod
+    def measures(rest: RestMesh) -> dict[str, wp.array]:
+        """Gradients of the shape functions and volumes for a rest state, by the names of their arrays."""
+        corners = np.ascontiguousarray(np.moveaxis(rest.nodes[rest.corners], 0, 2))  # NumPy is faster on long rows
+        a, b, c = corners[1:] - corners[0]
+        areas = np.array([np.cross(one, other, axis=0) for one, other in ((b, c), (c, a), (a, b))])
+        gradients = np.moveaxis(areas / (6.0 * rest.volume), 2, 0)
+        return {
+            "shape_gradient": rest.upload(gradients, wp.types.vector(3, rest.scalar)),
+            "rest_volume": rest.upload(rest.volume, rest.scalar),
+        }
 
-    def weights(self, rest: RestMesh, gravity: float) -> dict[str, np.ndarray]:
-        """Values of the arrays of these names for the tissues of a mesh; see `TetEnergy`."""
-        return weights(rest, gravity)
+    @staticmethod
+    def weights(rest: RestMesh, gravity: float) -> dict[str, np.ndarray]:
+        """Moduli and weight per volume for the tissues of a mesh, likewise; see `TetEnergy`."""
+        mu, bulk = zip(*map(stable_moduli, rest.tissues), strict=True)
+        density = rest.by_tissue([tissue.density for tissue in rest.tissues])
+        return {
+            "moduli": np.stack([rest.by_tissue(mu), rest.by_tissue(bulk)], axis=1),
+            "gravity_weight": 0.25 * gravity * density * 1e-9,  # m/s^2 kg/m^3 = 1e-9 N/mm^3
+        }
 
     def per_millijoule(self, rest: RestMesh) -> float:
         """1: it is in mJ; see `TetEnergy`."""
@@ -79,37 +93,15 @@ def make_neo_hookean(rest: RestMesh, gravity: float, weights_by: str) -> NeoHook
     if weights_by != "count":
         raise InputError(f"weights: '{weights_by}' is a choice of the energy itmsm; leave it out with neo-hookean")
     scalar = rest.scalar
-    weight = weights(rest, gravity)
+    weight = NeoHookean.weights(rest, gravity)
     return NeoHookean(
         kernels=neo_hookean_kernels(scalar, rest.is_cuda),
         terms=("volume", "gravity", "shape") if gravity else ("volume", "shape"),
-        **measures(rest),
+        **NeoHookean.measures(rest),
         moduli=rest.upload(weight["moduli"], wp.types.vector(2, scalar)),
         gravity_weight=rest.upload(weight["gravity_weight"], scalar),
         gravity_at_rest=rest.height_energy(weight["gravity_weight"]),
     )
-
-
-def weights(rest: RestMesh, gravity: float) -> dict[str, np.ndarray]:
-    """Moduli and weight per volume, as the fields of `NeoHookean`."""
-    mu, bulk = zip(*map(stable_moduli, rest.tissues), strict=True)
-    density = rest.by_tissue([tissue.density for tissue in rest.tissues])
-    return {
-        "moduli": np.stack([rest.by_tissue(mu), rest.by_tissue(bulk)], axis=1),
-        "gravity_weight": 0.25 * gravity * density * 1e-9,  # m/s^2 kg/m^3 = 1e-9 N/mm^3
-    }
-
-
-def measures(rest: RestMesh) -> dict[str, wp.array]:
-    """Gradients of the shape functions and volumes, as the fields of `NeoHookean`."""
-    corners = np.ascontiguousarray(np.moveaxis(rest.nodes[rest.corners], 0, 2))  # NumPy is faster on long rows
-    a, b, c = corners[1:] - corners[0]
-    areas = np.array([np.cross(one, other, axis=0) for one, other in ((b, c), (c, a), (a, b))])
-    gradients = np.moveaxis(areas / (6.0 * rest.volume), 2, 0)
-    return {
-        "shape_gradient": rest.upload(gradients, wp.types.vector(3, rest.scalar)),
-        "rest_volume": rest.upload(rest.volume, rest.scalar),
-    }
 
 
 def stable_moduli(tissue: Tissue) -> tuple[float, float]:
