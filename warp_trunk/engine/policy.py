@@ -49,7 +49,8 @@ class Policy:
     tissue is crushed: solves to a tenth took as many steps, and a third more iterations. Where volume is a
     thousand times as stiff as usual they took a fifth of the iterations."""
     true_accuracy: float = 0.03
-    """The same of the true one, whose steps leave less."""
+    """The same of the true one, whose steps leave less. With 0.1 the papers' method takes 7 to 9 % fewer
+    iterations, with 0.3 12 to 14 %, and a claim on a column next to buckling is false with either."""
     first: float = 2.0 / 3.0
     """The part of the distance that the first step of a relaxation is assumed to leave: its Hessian, projected, is
     too stiff where edges are compressed, and no step has been seen yet."""
