@@ -26,6 +26,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+POWERS = 20
+"""Of the inverse matrix of Lanczos, by which its largest eigenvalue is found."""
+
 
 @dataclass(frozen=True)
 class Step:
@@ -50,9 +53,12 @@ def chance_of_saddle(r_dot_z: np.ndarray, p_dot_q: np.ndarray, noise: float, rou
         A bound, above 1 where nothing is known; infinite where an eigenvalue of the matrix of Lanczos is no more
         than rounding, which more iterations do not change.
     """
-    diagonal, aside = lanczos(r_dot_z, p_dot_q)
-    if noise <= 0.0 or len(diagonal) == 0:
+    r_dot_z, p_dot_q = until_nothing_is_left(r_dot_z, p_dot_q)
+    if noise <= 0.0 or len(r_dot_z) == 0:
         return 1.0
+    alpha, beta = r_dot_z / p_dot_q, r_dot_z[1:] / r_dot_z[:-1]
+    diagonal, aside = 1.0 / alpha, np.sqrt(beta) / alpha[:-1]
+    diagonal[1:] += beta / alpha[:-1]
     largest = float((diagonal + np.append(aside, 0.0) + np.append(0.0, aside)).max())  # Gershgorin
     pivots = [float(diagonal[0]) - rounding * largest]
     for middle, side in zip((diagonal[1:] - rounding * largest).tolist(), (aside * aside).tolist(), strict=True):
@@ -71,26 +77,30 @@ def chance_of_saddle(r_dot_z: np.ndarray, p_dot_q: np.ndarray, noise: float, rou
 def response(r_dot_z: np.ndarray, p_dot_q: np.ndarray) -> float:
     """How far a unit of noise moves the solution along the softest direction, as a part of how far it moved.
 
+    The iterations have factored the matrix of Lanczos, so that its inverse is two cumulative sums; powers of that
+    find the softest direction.
+
     Args:
         r_dot_z: of every iteration of conjugate gradients, shape (k,), the first positive.
         p_dot_q: the same.
     """
-    diagonal, aside = lanczos(r_dot_z, p_dot_q)
-    matrix = np.diag(diagonal) - np.diag(aside, 1) - np.diag(aside, -1)
-    moved = np.linalg.solve(matrix, math.sqrt(r_dot_z[0]) * np.eye(len(matrix), 1)[:, 0])
-    return float(1.0 / (np.linalg.eigvalsh(matrix)[0] * np.linalg.norm(moved)))
+    r_dot_z, p_dot_q = until_nothing_is_left(r_dot_z, p_dot_q)
+    root, decrease = np.sqrt(r_dot_z), r_dot_z * r_dot_z / p_dot_q
+
+    def solution(right_side: np.ndarray) -> np.ndarray:
+        return np.cumsum((decrease * np.cumsum(right_side / root))[::-1])[::-1] / root
+
+    moved = vector = solution(root * (np.arange(len(root)) == 0))
+    for _ in range(POWERS):
+        vector = solution(vector / np.linalg.norm(vector))
+    return float(np.linalg.norm(vector) / np.linalg.norm(moved))
 
 
-def lanczos(r_dot_z: np.ndarray, p_dot_q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The diagonal of the matrix of Lanczos, and what stands beside it without its sign, of the iterations up to
-    where nothing is left."""
-    least = np.minimum(r_dot_z, p_dot_q)
-    count = int(np.argmax(least <= 0.0)) if (least <= 0.0).any() else len(least)
-    r_dot_z, p_dot_q = r_dot_z[:count], p_dot_q[:count]
-    alpha, beta = r_dot_z / p_dot_q, r_dot_z[1:] / r_dot_z[:-1]
-    diagonal = 1.0 / alpha
-    diagonal[1:] += beta / alpha[:-1]
-    return diagonal, np.sqrt(beta) / alpha[:-1]
+def until_nothing_is_left(r_dot_z: np.ndarray, p_dot_q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The iterations before the first whose residual or curvature is rounding."""
+    nothing = np.minimum(r_dot_z, p_dot_q) <= 0.0
+    count = int(np.argmax(nothing)) if nothing.any() else len(nothing)
+    return r_dot_z[:count], p_dot_q[:count]
 
 
 def reach(left: float, steps: Sequence[Step], slowest: float) -> float:
