@@ -19,7 +19,7 @@ from .linear import BlockMatrix, Outcome
 from .model import Model
 from .multigrid import Multigrid
 from .parallel import takes_turns
-from .policy import POLICY, Action, Plan, Run, decide, decide_claim, decide_end, plan, searched, stretch
+from .policy import POLICY, Action, PlannedSolve, Run, decide, decide_claim, decide_end, plan, searched, stretch
 from .relaxation import ROUNDING, History, Relaxation, RelaxOptions, RelaxStatus, RelaxStep
 from .state import State
 from .work import Work
@@ -170,13 +170,13 @@ class Relaxer:
         return run.distance, iterations
 
 
-def begin(work: Work, planned: Plan) -> None:
+def begin(work: Work, planned: PlannedSolve) -> None:
     """Assembles and launches a planned solve."""
     work.assemble(true=planned.true, fresh=planned.fresh, grids=planned.grids)
     work.launch(planned, ahead=True)
 
 
-def find_direction(work: Work, run: Run, planned: Plan) -> tuple[Action, int]:
+def find_direction(work: Work, run: Run, planned: PlannedSolve) -> tuple[Action, int]:
     """Reads a solve that was begun, and solves again or continues it until a direction or the end is found.
 
     Returns:

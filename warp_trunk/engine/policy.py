@@ -93,7 +93,7 @@ POLICY = Policy()
 
 
 @dataclass(frozen=True)
-class Plan:
+class PlannedSolve:
     """The next linear solve."""
 
     true: bool
@@ -156,12 +156,12 @@ class Run:
     """Whole steps along the true Hessian."""
 
 
-def plan(run: Run, policy: Policy = POLICY) -> Plan:
+def plan(run: Run, policy: Policy = POLICY) -> PlannedSolve:
     """The next linear solve."""
     within = min(run.nearer, max(run.tolerance, policy.near))
     was_true = run.phase is Phase.TRUE
     true = run.confirm and (run.try_true or (was_true and run.whole) or run.distance <= within)
-    return Plan(
+    return PlannedSolve(
         true,
         fresh=true or not run.reuse,
         grids=run.confirm and not true and math.isinf(run.length),
@@ -172,7 +172,7 @@ def plan(run: Run, policy: Policy = POLICY) -> Plan:
     )
 
 
-def decide(run: Run, planned: Plan, solution: LinearSolution, policy: Policy = POLICY) -> Action:
+def decide(run: Run, planned: PlannedSolve, solution: LinearSolution, policy: Policy = POLICY) -> Action:
     """The next thing after a planned solve."""
     run.try_true = False
     if solution.outcome is Outcome.SOLVED:
@@ -274,7 +274,7 @@ def _descend(run: Run) -> Action:
     return Action.DESCEND
 
 
-def _estimate(run: Run, planned: Plan, solution: LinearSolution, policy: Policy) -> None:
+def _estimate(run: Run, planned: PlannedSolve, solution: LinearSolution, policy: Policy) -> None:
     """Sets the distance by the length of a solution and how much shorter it is than the one before."""
     length, before = solution.length + solution.error, run.length
     run.known = solution.outcome is Outcome.SOLVED

@@ -17,7 +17,7 @@ from .line_search import Trial
 from .linear import BlockMatrix, ConjugateGradient, LinearSolution, zero_dots
 from .multigrid import Multigrid
 from .parallel import Readback
-from .policy import POLICY, Plan
+from .policy import POLICY, PlannedSolve
 from .state import ProductReader, Products, State, longest
 
 ROUNDING_STEPS = 10.0
@@ -123,12 +123,12 @@ class Work:
             self._grids_at_rest = False  # first: it may be interrupted
             self.preconditioner.update_grids()
 
-    def launch(self, plan: Plan, *, ahead: bool = False) -> None:
+    def launch(self, planned: PlannedSolve, *, ahead: bool = False) -> None:
         """Begins a planned solve; on CUDA with `ahead`, the trial at the end of it.
 
         A device that waits for the host is idle; the trial is dropped where the direction becomes another one.
         """
-        self._solver.launch(plan.absolute, plan.relative, plan.least_iterations, short=plan.short)
+        self._solver.launch(planned.absolute, planned.relative, planned.least_iterations, short=planned.short)
         self._ahead = ahead and self.state.model.parallel.is_cuda
         if self._ahead:
             self._try_ahead()
