@@ -19,7 +19,7 @@ from warp_trunk.errors import InputError
 
 from .model import Model
 from .newton import begin, find_direction
-from .policy import Action, Phase, Run, plan, searched
+from .policy import Action, Run, plan, searched
 from .rest_mesh import RestMesh
 from .state import State
 from .work import Work
@@ -97,7 +97,7 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
                 released=lambda nodes: sag_free(model.released(nodes), tolerance).model,
             )
             return RestState(found, sag, confirmed.distance, rounds, spent)
-        if action is Action.STALLED or confirmed.phase is Phase.SADDLE:
+        if action is Action.STALLED or confirmed.down is not None:
             raise InputError(
                 f"gravity: from the only rest state that was found, {sag:.0f} mm away, tissue of "
                 f"{softest(model):g} kPa does not come to rest in the scan but buckles under its weight; "
