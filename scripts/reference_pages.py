@@ -1,8 +1,7 @@
-"""Reference pages made from the program, kept in docs/ so that they read without a site.
+"""Reference pages made from the program when the site is built; `site_pages.py` gives them to MkDocs.
 
-A block of a page between `<!-- made from X -->` and `<!-- end of X -->` is the help of a command (`warp-trunk X`),
-a public name (`warp_trunk.simulate`) or the fields of a record (`fields of warp_trunk.results.Summary`).
-`python scripts/reference_pages.py` writes every block again.
+The pages of commands and of Python are made as a whole. On other pages a line
+`<!-- fields of warp_trunk.module.Record -->` becomes the table of the fields of a record.
 """
 
 import ast
@@ -15,32 +14,73 @@ import os
 import re
 import textwrap
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
+import warp_trunk
 from warp_trunk.cli import main
+from warp_trunk.cli.commands import COMMANDS
+from warp_trunk.cli.output import EXIT_STATUSES
 
-DOCS = Path(__file__).parents[1] / "docs"
-BLOCK = re.compile(r"(<!-- made from (?P<name>.+?) -->\n).*?(<!-- end of (?P=name) -->)", re.DOTALL)
+FIELDS = re.compile(r"^<!-- fields of (?P<module>[\w.]+)\.(?P<record>\w+) -->$", re.MULTILINE)
 SECTION = re.compile(r"^(Args|Returns|Yields|Raises):\n((?:    .*\n?|\n)+)", re.MULTILINE)
 """A section of a docstring in Google style."""
 EXAMPLE = re.compile(r"^>>>.*?(?=\n\n|\Z)", re.DOTALL | re.MULTILINE)
 """An example of a docstring, up to the next empty line."""
+PYTHON = """# Python
+
+The public names are imported from `warp_trunk`:
+
+```python
+import warp_trunk as wt
+
+case = wt.read_case("patient")
+plan = wt.Plan(uiv="T4", liv="L1", curves=[wt.CurvePlan("T8", correction=0.65, derotation=0.4)])
+result = wt.simulate(case, plan, bands=True)
+result.save("results/t4_l1")
+```
+
+In a notebook a result shows the back before and after; [a notebook](first_simulation.ipynb) shows the whole
+workflow. Everything else is imported from its module, for example `warp_trunk.engine.newton.Relaxer`."""
+HEADINGS = {
+    "Cases": ("case", "geometry", "io", "errors", "engine"),
+    "From clinical data": ("preparation",),
+    "Plans": ("bone_motion", "meshing"),
+    "Simulation": ("run",),
+    "Results": ("results", "report", "recording", "measures"),
+}
+"""Headings of the page of Python, each with the packages whose public names stand below it."""
 
 
-def renewed(page: str) -> str:
-    """The page with every block made from the program as it is."""
-    return BLOCK.sub(lambda found: f"{found[1]}\n{made_from(found['name'])}\n\n{found[3]}", page)
+def filled(page: str) -> str:
+    """The page with the tables of the records that it names."""
+    return FIELDS.sub(_named_fields, page)
 
 
-def made_from(name: str) -> str:
-    """The Markdown of a block."""
-    if name.startswith("warp-trunk "):
-        return f"```text\n{help_of(name.removeprefix('warp-trunk '))}\n```"
-    of, _, path = name.rpartition(" ")
-    module, _, attribute = path.rpartition(".")
-    found = getattr(importlib.import_module(module), attribute)
-    return fields_of(found) if of == "fields of" else described(attribute, found)
+def _named_fields(line: re.Match[str]) -> str:
+    return fields_of(getattr(importlib.import_module(line["module"]), line["record"]))
+
+
+def commands_page() -> str:
+    """The page of all commands: exit statuses, and what `warp-trunk COMMAND --help-all` prints."""
+    statuses = "\n".join(f"| {number} | {meaning} |" for number, meaning in EXIT_STATUSES.items())
+    parts = [
+        "# Commands and options",
+        "`warp-trunk COMMAND --help` shows the options of a command that are used most, `--help-all` all of them.",
+        f"| exit status | meaning |\n|---|---|\n{statuses}",
+    ]
+    for command in COMMANDS:
+        parts += [f"## {command}", f"```text\n{help_of(command)}\n```"]
+    return "\n\n".join(parts)
+
+
+def python_page() -> str:
+    """The page of the public names, below the headings of their packages."""
+    parts = [PYTHON]
+    public = {name: getattr(warp_trunk, name) for name in warp_trunk.__all__}
+    for heading, packages in HEADINGS.items():
+        named = {name: value for name, value in public.items() if value.__module__.split(".")[1] in packages}
+        parts += [f"## {heading}", *(described(name, value) for name, value in named.items())]
+    return "\n\n".join(parts)
 
 
 def help_of(command: str) -> str:
@@ -111,11 +151,3 @@ def _items(text: str) -> str:
         elif line.strip():
             items.append(re.sub(r"^(\w+):", r"`\1`:", line.strip()))
     return "\n".join(f"- {item}" for item in items)
-
-
-if __name__ == "__main__":
-    for path in sorted(DOCS.glob("*.md")):
-        page = path.read_text(encoding="utf-8")
-        if (new := renewed(page)) != page:
-            path.write_text(new, encoding="utf-8")
-            print(f"{path.name} is written")

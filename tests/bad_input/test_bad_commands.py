@@ -14,6 +14,7 @@ from support.report_results import write_small_result
 from support.small_case import small_case
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
 from warp_trunk.cli import main
+from warp_trunk.cli.output import FILE_ERROR
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import write_surface
 
@@ -117,7 +118,7 @@ def test_a_disk_that_fills_up_ends_in_one_line_and_leaves_no_half(case, tmp_path
     monkeypatch.setattr(Path, "write_bytes", full)
     before = sorted(tmp_path.iterdir())
     arguments = ["register", "--skin", str(case / "skin.ply"), *markers, "--out", str(tmp_path / "out.ply")]
-    assert main(arguments) == 1
+    assert main(arguments) == FILE_ERROR
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(
         f"warp-trunk: {tmp_path / 'out.ply'}: No space left on device; free some space there, or"

@@ -15,7 +15,7 @@ from typing import Any
 
 from warp_trunk.errors import InputError, nearest
 
-from .output import BAD_INPUT, INTERRUPTED, NOT_CONVERGED, OK
+from .output import BAD_INPUT, FILE_ERROR, INTERRUPTED, OK
 
 COMMANDS = {
     "demo": "simulate.Demo",
@@ -99,7 +99,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         cure = "; free some space there, or name another place" if full else ""
         where = f"{error.filename}: {error.strerror}" if error.filename and error.strerror else error
         print(f"warp-trunk: {where}{cure}", file=sys.stderr)
-        return NOT_CONVERGED
+        return FILE_ERROR
     except KeyboardInterrupt:
         print("warp-trunk: interrupted", file=sys.stderr)
         return INTERRUPTED

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from warp_trunk.run.doctor import examine
 
-from .output import NOT_CONVERGED, OK
+from .output import INCOMPLETE, OK
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,4 +25,4 @@ class Doctor:
             if finding.cure:
                 print(f"{'':<8}{'':<20}-> {finding.cure}")
         print("\nReady." if ready else "\nNot ready: see the lines marked MISSING.")
-        return OK if ready else NOT_CONVERGED
+        return OK if ready else INCOMPLETE

@@ -17,8 +17,16 @@ if TYPE_CHECKING:
     from warp_trunk.geometry.surface import Surface
     from warp_trunk.preparation.scanning.cutting import CutPlane
 
-OK, NOT_CONVERGED, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 1, 2, 3, 130
-"""Exit statuses; INCOMPLETE where a command did what it could and named what it could not."""
+OK, NOT_CONVERGED, BAD_INPUT, INCOMPLETE, FILE_ERROR, INTERRUPTED = 0, 1, 2, 3, 4, 130
+EXIT_STATUSES = {
+    OK: "The command did all it was asked.",
+    NOT_CONVERGED: "A relaxation did not converge; what it reached is written.",
+    BAD_INPUT: "The input is refused; nothing is written.",
+    INCOMPLETE: "Something is missing, which the command names; everything else is written.",
+    FILE_ERROR: "The system refuses to read or write a file, for example because the disk is full.",
+    INTERRUPTED: "The command was interrupted with Ctrl-C.",
+}
+"""The meaning of each exit status."""
 
 
 def next_command(*words: str | Path) -> str:
