@@ -262,3 +262,9 @@ def test_a_folder_of_another_kind_is_named_with_the_command_that_takes_it(
     (tmp_path / "results").mkdir()
     (tmp_path / "results" / "r").symlink_to(result)
     refused(command.split(), cure)
+
+
+def test_the_demo_takes_another_mesh_and_refuses_its_own_options_beside_one(refused, tmp_path):
+    """The settings of the demo's own mesh were not given."""
+    refused(["demo", "--from-mesh", tmp_path / "a.vtu", "--out", tmp_path / "o"], "a.vtu: there is no such file")
+    refused(["demo", "--from-mesh", tmp_path / "a.vtu", "--tets", "5000"], "--tets: is not used with --from-mesh")

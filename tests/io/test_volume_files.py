@@ -74,24 +74,72 @@ def test_a_mesh_comes_back_through_every_format_in_the_axes_that_it_states(endin
     np.testing.assert_allclose(read_mesh(path).points, trunk.nodes * [-1.0, -1.0, 1.0], atol=1e-9)
 
 
-@pytest.mark.parametrize("ending", [".vtk", ".vtu"])
-def test_vtk_reads_every_array_and_the_axes(ending, trunk, motion, tmp_path):
+def by_meshio(path):
+    mesh = meshio.read(path)
+    part = np.concatenate(mesh.cell_data["part"])
+    return mesh.points, mesh.point_data, part, mesh.field_data
+
+
+def by_vtk(path):
     vtk = pytest.importorskip("vtk")
     numpy_of = pytest.importorskip("vtk.util.numpy_support").vtk_to_numpy
-    write_volume(tmp_path / f"a{ending}", jointed(trunk), motion, TISSUE)
-    reader = vtk.vtkUnstructuredGridReader() if ending == ".vtk" else vtk.vtkXMLUnstructuredGridReader()
-    reader.SetFileName(str(tmp_path / f"a{ending}"))
-    reader.Update()
+    reader = vtk.vtkUnstructuredGridReader() if path.suffix == ".vtk" else vtk.vtkXMLUnstructuredGridReader()
+    reader.SetFileName(str(path))
+    reader.Update()  # ParaView's readers
     grid = reader.GetOutput()
-    cells = len(trunk.tets) + len(trunk.skin_faces) + len(trunk.bone_faces)
-    assert (grid.GetNumberOfPoints(), grid.GetNumberOfCells()) == (len(trunk.nodes), cells)
-    points, data = grid.GetPointData(), grid.GetCellData()
-    np.testing.assert_allclose(numpy_of(points.GetArray("displacement")), motion)
-    np.testing.assert_array_equal(numpy_of(points.GetArray("bone")), jointed(trunk).bone)
-    assert set(numpy_of(points.GetArray("node_kind"))) == {0, 1, 2}
-    np.testing.assert_array_equal(np.bincount(numpy_of(data.GetArray("part")))[0], len(trunk.tets))
-    assert numpy_of(data.GetArray("tissue_parts")).shape == (cells, 3)
-    assert grid.GetFieldData().GetAbstractArray("SPACE").GetValue(0) == "LPS"
+    data, fields = (
+        {array.GetName(): numpy_of(array) for array in map(of.GetArray, range(of.GetNumberOfArrays()))}
+        for of in (grid.GetPointData(), grid.GetFieldData())
+    )
+    return numpy_of(grid.GetPoints().GetData()), data, numpy_of(grid.GetCellData().GetArray("part")), fields
+
+
+def by_pyvista(path):
+    mesh = pytest.importorskip("pyvista").read(path)
+    return mesh.points, mesh.point_data, mesh.cell_data["part"], mesh.field_data
+
+
+@pytest.mark.parametrize("ending", [".vtk", ".vtu"])
+@pytest.mark.parametrize("read", [by_meshio, by_vtk, by_pyvista])
+def test_every_reader_of_vtk_files_finds_arrays_and_names_of_bones(read, ending, trunk, motion, tmp_path):
+    """Names with letters of two bytes, too."""
+    trunk = replace(jointed(trunk), bone_names=("T10", "c\u00f4te gauche"))
+    write_volume(tmp_path / f"a{ending}", trunk, motion, TISSUE)
+    points, data, part, fields = read(tmp_path / f"a{ending}")
+    np.testing.assert_allclose(points, trunk.nodes)
+    np.testing.assert_allclose(data["displacement"], motion)
+    np.testing.assert_array_equal(data["bone"], trunk.bone)
+    assert set(data["node_kind"]) == {0, 1, 2}
+    counts = [len(trunk.tets), len(trunk.skin_faces), len(trunk.bone_faces)]
+    np.testing.assert_array_equal(np.bincount(part), counts)
+    names = np.asarray(fields["bone_names"]).astype(np.uint8).tobytes().decode()
+    assert tuple(names.split("\n")) == trunk.bone_names
+
+
+@pytest.mark.parametrize("read", [by_meshio, by_vtk, by_pyvista])
+def test_axes_are_stated_where_no_reader_stumbles(read, trunk, motion, tmp_path):
+    write_volume(tmp_path / "a.vtu", trunk, motion, TISSUE)
+    assert np.asarray(read(tmp_path / "a.vtu")[3]["SPACE"]).astype(np.uint8).tobytes() == b"LPS"
+    write_volume(tmp_path / "a.vtk", trunk, motion, TISSUE)
+    assert b"SPACE=LPS" in (tmp_path / "a.vtk").read_bytes().splitlines()[1]  # the title, where Slicer looks
+
+
+@pytest.mark.parametrize("ending", [".xdmf", ".msh", ".inp"])
+def test_meshio_reads_the_other_formats(ending, trunk, motion, tmp_path):
+    write_volume(tmp_path / f"a{ending}", trunk, motion, TISSUE)
+    mesh = meshio.read(tmp_path / f"a{ending}")
+    np.testing.assert_allclose(mesh.points, trunk.nodes, rtol=1e-10)
+    np.testing.assert_array_equal(mesh.cells_dict["tetra"], trunk.tets)
+
+
+@pytest.mark.parametrize("ending", [".vtu", ".vtk"])
+def test_a_mesh_that_meshio_saved_again_is_read(ending, trunk, motion, bones, tmp_path):
+    """It leaves out the names of the bones."""
+    write_volume(tmp_path / "a.vtu", trunk, motion, TISSUE)
+    meshio.write(tmp_path / f"b{ending}", meshio.read(tmp_path / "a.vtu"))
+    back = read_volume(tmp_path / f"b{ending}", skin_of(trunk), bones)
+    np.testing.assert_array_equal(back.bone, trunk.bone)
+    assert sets_of(back) == sets_of(trunk)
 
 
 def test_gmsh_reads_groups_of_layers_skin_and_bones(trunk, motion, tmp_path):
@@ -228,6 +276,8 @@ def foreign(path, trunk, **change):
         ({"nodes": lambda t: t.nodes + np.array([0.0, 30.0, 0.0])}, "from the skin of the case"),
         ({"data": lambda t: {}}, "does not mark the nodes on bone"),
         ({"data": lambda t: {"bone": np.full(len(t.nodes), -1)}}, "no node lies on bone"),
+        ({"data": lambda t: {"bone": np.zeros(len(t.nodes))}}, "no node lies on bone"),
+        ({"data": lambda t: {"bone": np.ones(len(t.nodes))}}, "every node lies on bone"),
         ({"cells": lambda t: [("triangle", t.tets[:, :3])]}, "not no solid cells"),
         ({"cells": lambda t: [("tetra", t.tets), ("wedge", t.tets[:2, [0, 1, 2, 3, 0, 1]])]}, "not tetra, wedge"),
         ({"data": lambda t: {"bone": np.where(t.nodes[:, 2] > 400, 0, -1)}}, "bone"),
@@ -237,3 +287,39 @@ def test_meshes_that_do_not_fit_are_refused(change, rule, trunk, bones, tmp_path
     foreign(tmp_path / "a.vtu", trunk, **{name: make(trunk) for name, make in change.items()})
     with refuses("a.vtu", rule):
         read_volume(tmp_path / "a.vtu", skin_of(trunk), bones)
+
+
+@pytest.mark.parametrize("none", [0, -1, np.nan])
+def test_marks_of_bone_are_0_and_1_or_numbers_of_bones(none, trunk, bones, tmp_path):
+    marks = np.where(trunk.prescribed, 1.0 if none == 0 else 0.0, none)
+    foreign(tmp_path / "a.vtu", trunk, data={"bone": marks})
+    back = read_volume(tmp_path / "a.vtu", skin_of(trunk), bones)
+    np.testing.assert_array_equal(back.prescribed, trunk.prescribed)
+
+
+def test_hybrid_tetrahedra_of_abaqus_are_tetrahedra(trunk, motion, bones, tmp_path):
+    write_volume(tmp_path / "a.inp", trunk, motion, TISSUE)
+    (tmp_path / "a.inp").write_text((tmp_path / "a.inp").read_text().replace("C3D4", "C3D4H"))
+    np.testing.assert_array_equal(read_volume(tmp_path / "a.inp", skin_of(trunk), bones).tets, trunk.tets)
+
+
+def two_pieces(content):
+    start, tag, rest = content.partition("<Piece")
+    piece, closing, end = (tag + rest).partition("</Piece>")
+    return start + 2 * (piece + closing) + end
+
+
+@pytest.mark.parametrize(
+    ("ending", "damage", "said"),
+    [
+        (".inp", lambda text: text.replace("C3D4", "C3D5"), "C3D5"),
+        (".vtu", lambda text: text.replace("ZLib", "LZ4"), "packed by vtkLZ4DataCompressor"),
+        (".vtu", two_pieces, "it has 2 pieces; join them into one"),
+    ],
+)
+def test_the_cause_of_a_refused_mesh_is_named(ending, damage, said, trunk, motion, bones, tmp_path):
+    path = tmp_path / f"a{ending}"
+    write_volume(path, trunk, motion, TISSUE)
+    path.write_text(damage(path.read_text()))
+    with refuses(path.name, said):
+        read_volume(path, skin_of(trunk), bones)

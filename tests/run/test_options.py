@@ -1,5 +1,6 @@
 """Defaults of options, and no option without effect: the table of readers against the forces of the tissue."""
 
+import re
 from dataclasses import fields, replace
 from itertools import product
 from pathlib import Path
@@ -13,12 +14,14 @@ from support import small_trunk
 from support.asserting import refuses
 from support.small_case import small_case
 from warp_trunk.case.rib_coupling import RibCoupling
+from warp_trunk.cli.arguments import parse
+from warp_trunk.cli.simulate import Simulate
 from warp_trunk.engine.state import State
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.run.options import SKIN_RIGIDITY, RunOptions, parameters, with_changes
 from warp_trunk.run.patient import patient_of
 from warp_trunk.run.simulate import simulate
-from warp_trunk.run.unread_options import READERS, Scene, refuse_unread
+from warp_trunk.run.unread_options import READERS, Scene, given_in, refuse_unread
 
 
 @pytest.mark.parametrize(
@@ -169,3 +172,26 @@ def test_the_papers_are_five_options_that_each_can_be_changed() -> None:
     )
     assert (papers.rigidity_of_skin, papers.alpha) == (0.0, 0.3)
     assert RunOptions.of_papers(bones="follow") == replace(RunOptions.of_papers(), bones="follow")
+
+
+BESIDE_PAPERS = [
+    "", "--bones follow", "--bones spline", "--energy itmsm", "--energy neo-hookean", "--rest scan",
+    "--rest sag-free", "--weights count", "--weights volume", "--skin-rigidity 0", "--skin-rigidity 0.4",
+    "--alpha 0", "--alpha 0.3", "--epsilon 2", "--theta 5", "--youngs-modulus 12", "--density 900", "--gravity 0",
+    "--gravity 9.81", "--increments 3", "--method gradient", "--method newton", "--max-steps 50",
+    "--tolerance 0.01", "--tets 5000", "--bands",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("option", BESIDE_PAPERS)
+def test_every_option_of_the_papers_page_goes_with_papers(option: str) -> None:
+    """Nothing that only --papers set is refused, and no symbol that is reported."""
+    command = parse(Simulate, ["simulate", "patient", "--papers", *option.split()])
+    case = command.changed(CASE)
+    refuse_unread(given_in(case, command.chosen), command.chosen, layered=False)
+
+
+def test_the_table_holds_the_options_of_the_page() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "papers.md").read_text(encoding="utf-8")
+    options = set(re.findall(r"`(--[a-z-]+)", page)) - {"--papers"}
+    assert options <= {beside.split()[0] for beside in BESIDE_PAPERS if beside}

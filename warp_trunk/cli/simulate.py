@@ -180,13 +180,19 @@ class Demo:
         )
     )
     """How the case is simulated."""
+    given: Suppress[Mapping[str, str]] = field(default_factory=dict)
+    """As for `SimulationArguments`."""
 
     def run(self) -> int:
         """Simulate the synthetic trunk and print how to look at the result."""
         from warp_trunk.preparation.phantom import phantom_case  # no other command of this file needs it
 
+        refuse_unread(self.given, self.options, layered=self.options.layers not in (None, "none"))
+        options = self.options
+        if options.from_mesh is not None:  # no mesh is made of the demo's own options
+            options = replace(options, mesh=MeshOptions())
         with Progress() as progress:
             with progress.stage("load", "making the synthetic trunk"):
                 case = phantom_case()
-            result = simulate(case, folder=self.out, options=self.options, progress=progress, warnings=())
+            result = simulate(case, folder=self.out, options=options, progress=progress, warnings=())
         return report_ending(result)

@@ -66,6 +66,11 @@ def as_meshio(trunk: TrunkMesh, displacement: np.ndarray) -> Any:
     return meshio.Mesh(trunk.nodes, cells, point_data=content.point_data, cell_data=cell_data)
 
 
+def name_codes(trunk: TrunkMesh) -> np.ndarray:
+    """The names of the bones, one a line, as codes of UTF-8, uint8: no reader of VTK's files refuses numbers."""
+    return np.frombuffer("\n".join(trunk.bone_names).encode(), dtype=np.uint8)
+
+
 def tissue_labels(trunk: TrunkMesh) -> np.ndarray:
     """The tissue of each tetrahedron, or of most of it, shape (tets,), int32."""
     if trunk.tissue is None:
@@ -103,7 +108,7 @@ def write_trunk(path: str | Path, trunk: TrunkMesh, displacement: np.ndarray | N
         raise InputError(
             f"{path}: the displacement must have shape ({count}, 3), one row a node, not {displacement.shape}"
         )
-    content, names = _content(trunk, displacement), "\n".join(trunk.bone_names).encode()
+    content, names = _content(trunk, displacement), name_codes(trunk)
     corners = np.repeat(np.array([4, 3], dtype=np.int32), [len(trunk.tets), len(content.triangles)])
     cells = {
         "connectivity": np.concatenate([trunk.tets.ravel(), content.triangles.ravel()]),
@@ -119,7 +124,7 @@ def write_trunk(path: str | Path, trunk: TrunkMesh, displacement: np.ndarray | N
             '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian" '
             'compressor="vtkZLibDataCompressor">\n<UnstructuredGrid>\n'
             f'<FieldData><DataArray type="UInt8" Name="bone_names" NumberOfTuples="{len(names)}" format="ascii">'
-            f"{' '.join(map(str, names))}</DataArray></FieldData>\n"
+            f"{' '.join(map(str, names.tolist()))}</DataArray></FieldData>\n"
             f'<Piece NumberOfPoints="{count}" NumberOfCells="{len(corners)}">\n'
         )
         for part, arrays in parts.items():

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-import tempfile
 from collections.abc import Callable
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from warp_trunk.geometry.surface import FARTHEST
 
 from .file_access import MOST_SURFACE, parsing, read_bytes
 from .surface_files.space import stated_space
-from .surface_files.vtk import read_vtk_grid
+from .surface_files.vtk import read_vtk_grid, read_vtu
 
 ENDINGS = (".vtu", ".vtk", ".xdmf", ".msh", ".inp")
 """Endings of the files that are read."""
@@ -36,11 +36,11 @@ def read_mesh(path: Path) -> Any:
 
     # meshio.read would end the program on a file that is damaged
     readers: dict[str, Callable[[str], Any]] = {
-        ".vtu": _read_vtu,
+        ".vtu": lambda name: read_vtu(Path(name).read_bytes()),
         ".vtk": lambda name: read_vtk_grid(Path(name).read_bytes()),
         ".xdmf": meshio.xdmf.read,
         ".msh": meshio.gmsh.read,
-        ".inp": meshio.abaqus.read,
+        ".inp": _read_abaqus,
     }
     ending = path.suffix.lower()
     if path.is_file() and ending not in readers:
@@ -65,15 +65,12 @@ def read_mesh(path: Path) -> Any:
     return mesh
 
 
-def _read_vtu(path: str) -> Any:
-    """A file of VTK in XML, whose strings are given to meshio 5.3, which knows none, as the numbers of letters."""
+def _read_abaqus(path: str) -> Any:
+    """A file of Abaqus, whose linear tetrahedra have a letter more for what they solve for, as C3D4H; meshio 5.3
+    knows C3D4 alone."""
     import meshio  # heavy
 
-    head, begin, rest = Path(path).read_bytes().partition(b"<AppendedData")
-    if b"<Array" not in head:
-        return meshio.vtu.read(path)
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "a.vtu"
-        head = head.replace(b'type="String"', b'type="Int8"').replace(b"<Array", b"<DataArray")
-        file.write_bytes(head.replace(b"</Array>", b"</DataArray>") + begin + rest)
-        return meshio.vtu.read(str(file))
+    text = re.sub(
+        r"(?im)^(\s*\*\s*element\b.*\btype\s*=\s*C3D4)[A-Z]+", r"\1", Path(path).read_text("utf-8", "replace")
+    )
+    return meshio.abaqus.read(StringIO(text))

@@ -43,7 +43,7 @@ def read_volume(path: str | Path, skin: Surface, bones: Mapping[str, Surface]) -
     """
     path = Path(path)
     mesh = read_mesh(path)
-    if "skin_vertex" in mesh.point_data and path.suffix.lower() == ".vtu":
+    if "skin_vertex" in mesh.point_data and "bone_names" in mesh.field_data:  # other programs drop field data
         trunk = read_trunk(path)[0]
     else:
         trunk = _trunk(path, mesh, bones)
@@ -69,6 +69,8 @@ def _trunk(path: Path, mesh: Any, bones: Mapping[str, Surface]) -> TrunkMesh:
     on_bone = _on_bone(path, mesh)[used]
     if not on_bone.any():
         raise InputError(f"{path}: no node lies on bone, and bones are what moves the trunk; tag their nodes")
+    if on_bone.all():
+        raise InputError(f"{path}: every node lies on bone, and nothing is left to relax; tag those on bone alone")
 
     boundary = _boundary(tets)
     of_bone = _of_bone(nodes, boundary, on_bone)
@@ -101,7 +103,9 @@ def _on_bone(path: Path, mesh: Any) -> np.ndarray:
     """Which nodes of the file lie on bone, shape (points,)."""
     data, sets = mesh.point_data, {name.lower(): nodes for name, nodes in mesh.point_sets.items()}
     if "bone" in data:
-        return np.asarray(data["bone"]).reshape(-1) >= 0
+        marks = np.asarray(data["bone"]).reshape(-1)
+        on_bone = marks >= 0
+        return marks > 0 if on_bone.all() else on_bone  # 0 and 1: no trunk has nodes on bone alone
     if "node_kind" in data:
         return np.asarray(data["node_kind"]).reshape(-1) == 2
     if "bones" in sets:

@@ -16,7 +16,7 @@ from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
 
 from .surface_files.space import with_space
-from .trunk_file import as_meshio, bone_of_faces, tissue_labels, write_trunk
+from .trunk_file import as_meshio, bone_of_faces, name_codes, tissue_labels, write_trunk
 
 ENDINGS = (".vtu", ".vtk", ".xdmf", ".msh", ".inp", ".feb")
 """Endings of the files that are written."""
@@ -56,6 +56,10 @@ def write_volume(
     elif ending == ".vtk":
         mesh.point_data, mesh.cell_data = _as_int64(mesh.point_data), _as_int64(mesh.cell_data)
         meshio.vtk.write(path, mesh)
+        names = name_codes(trunk)
+        field = f"FIELD FieldData 1\nbone_names 1 {len(names)} vtktypeint64\n".encode()
+        before, data, after = path.read_bytes().partition(b"\nPOINT_DATA ")
+        path.write_bytes(before + b"\n" + field + names.astype(">i8").tobytes() + data + after)
     elif ending == ".xdmf":
         meshio.xdmf.write(path, mesh, data_format="XML")  # all in one file, so that it can be moved
     elif ending == ".msh":

@@ -10,7 +10,7 @@ from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.meshing import MeshOptions
 
-from .options import RunOptions
+from .options import PAPERS, RunOptions
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -52,19 +52,33 @@ class Reader:
     """An option and its value that make it count."""
     without: str = ""
     """An option that, where it is given, stands in its way."""
+    reported: Callable[[Scene], bool] = lambda scene: False
+    """Whether a scene reports it, though it moves nothing there."""
 
 
-_SPRINGS = Reader(lambda scene: scene.springs, ("energy", "itmsm"))
+def _springs(scene: Scene) -> bool:
+    """Whether every symbol of eq. 4.6 is reported, also where only ratios count."""
+    return scene.springs
+
+
+_SPRINGS = Reader(_springs, ("energy", "itmsm"))
 _RIBS = Reader(lambda scene: scene.options.bones == "follow", ("bones", "follow"))
 _MESHED = Reader(lambda scene: scene.options.from_mesh is None, without="from_mesh")
 _NEWTON = Reader(lambda scene: scene.options.simulation.relax.method == "newton", ("method", "newton"))
 READERS: Mapping[str, Reader] = {
     **dict.fromkeys(("epsilon", "theta", "weights", "alpha"), _SPRINGS),
     "poisson_ratio": Reader(lambda scene: not scene.springs, ("energy", "neo-hookean")),
-    "rest": Reader(lambda scene: bool(scene.options.acting_gravity), ("gravity", "9.81")),
-    "density": Reader(lambda scene: bool(scene.options.gravity or scene.mass_weighed), ("gravity", "9.81")),
+    "rest": Reader(lambda scene: bool(scene.options.acting_gravity), ("gravity", "9.81"), reported=_springs),
+    "density": Reader(
+        lambda scene: bool(scene.options.gravity or scene.mass_weighed), ("gravity", "9.81"), reported=_springs
+    ),
     "gravity": Reader(lambda scene: scene.options.alpha is None, without="alpha"),
-    "youngs_modulus": Reader(lambda scene: scene.weighed, ("gravity", "9.81"), without="alpha"),
+    "youngs_modulus": Reader(
+        lambda scene: scene.weighed,
+        ("gravity", "9.81"),
+        without="alpha",
+        reported=lambda scene: scene.springs and scene.options.alpha is None,
+    ),
     **dict.fromkeys(("tolerance", "bands"), _NEWTON),
     **{field.name: _MESHED for field in fields(MeshOptions)},
     "ribs": _RIBS,
@@ -83,7 +97,7 @@ def refuse_unread(named: Mapping[str, str], options: RunOptions, *, layered: boo
     scene = Scene(options, layered)
     for name, called in named.items():
         reader = READERS.get(name)
-        if reader is None or reader.reads(scene):
+        if reader is None or reader.reads(scene) or reader.reported(scene):
             continue
         if reader.without and getattr(options, reader.without) is not None:
             raise InputError(f"{called}: is not used with {_like(called, reader.without)}; leave one of them out")
@@ -93,8 +107,12 @@ def refuse_unread(named: Mapping[str, str], options: RunOptions, *, layered: boo
 
 
 def given_in(case: Case, options: RunOptions) -> dict[str, str]:
-    """The names of options and of constants of a case that are not those by default, and what they are called."""
-    named = {name: name for name in _changed(options, RunOptions())}
+    """The names of options and of constants of a case that are not those by default, and what they are called.
+
+    The papers' options stand together (`PAPERS`): the value that one has there was not given by itself.
+    """
+    differ = _changed(options, RunOptions())
+    named = {name: name for name in differ if name not in PAPERS or getattr(options, name) != PAPERS[name]}
     named |= {name: f"[tissue] {name}" for name in _changed(case.tissue, Tissue())}
     for name in _changed(case.rib_coupling, type(case.rib_coupling)()):
         named["ribs"] = f"[ribs] {name}"

@@ -52,7 +52,8 @@ def _header(ending: str, content: bytes) -> bytes:
     return b""
 
 
-_STRING = '<Array type="String" Name="SPACE" NumberOfTuples="1" format="ascii">{} 0</Array>'
+_CODES = '<DataArray type="UInt8" Name="SPACE" NumberOfTuples="3" format="ascii">{}</DataArray>'
+"""The codes of the letters: meshio 5.3 refuses a file with an array of strings."""
 _NEW = {
     # ending: what it is written before or after, and the text
     ".obj": (b"", "# SPACE={}\n"),
@@ -60,15 +61,15 @@ _NEW = {
     ".off": (b"\n", "# SPACE={}\n"),
     ".xdmf": (b">", "<!-- SPACE={} -->"),
     ".feb": (b"?>", "<!-- SPACE={} -->"),
-    ".vtk": (b"DATASET UNSTRUCTURED_GRID\n", "FIELD FieldData 1\nSPACE 1 1 string\n\xc3{}\n"),
-    ".vtu": (b"<FieldData>", _STRING),
+    ".vtk": (b"# vtk DataFile Version 5.1\n", "SPACE={} "),
+    ".vtu": (b"<FieldData>", _CODES),
     ".msh": (None, "$Comments\nSPACE={}\n$EndComments\n"),
 }
 """By the ending: the first place after which the axes are stated, or None for the end of the file; and how."""
 
 
 def with_space(ending: str, content: bytes, space: str) -> bytes:
-    """A file that this program has written (.vtk as binary) with its axes stated where others look for them."""
+    """A file that this program has written with its axes stated where others look for them."""
     if ending == ".stl":  # its title has 80 bytes
         return f"warp_trunk SPACE={space}".encode().ljust(80) + content[80:]
     if ending not in _NEW:  # GLB has axes of its own

@@ -1,7 +1,7 @@
-"""VTK's formats of a PolyData: the legacy one (.vtk), which also holds grids, as text or binary, and XML (.vtp) in
-every encoding but LZ4.
+"""VTK's formats of a PolyData and of an unstructured grid: the legacy one (.vtk) as text or binary, and XML (.vtp,
+.vtu) in every encoding but LZ4.
 
-Readers of our own: of the files that VTK 9 and 3D Slicer write meshio 5.3 reads grids and refuses PolyData,
+Readers of our own: of the files that VTK 9 and 3D Slicer write meshio 5.3 refuses PolyData and strings,
 trimesh 5.2 passes .vtk to meshio and has no reader for .vtp, and VTK itself is a package of 250 MB.
 """
 
@@ -37,7 +37,7 @@ def read_vtk(content: bytes) -> tuple[np.ndarray, np.ndarray]:
     file = _opened(content, "POLYDATA", "extract the surface")
     for name, words in file.sections():
         if name == "POINTS":
-            points = file.numbers(3 * int(words[1]), words[2]).reshape(-1, 3)
+            points = file.numbers(int(words[1]), words[2], 3)
         elif name in ("VERTICES", "LINES", "POLYGONS", "TRIANGLE_STRIPS"):
             corners, ends = file.cells(int(words[1]), int(words[2]))
             if name == "TRIANGLE_STRIPS":
@@ -65,7 +65,7 @@ def read_vtk_grid(content: bytes) -> Any:
     place, count = data["POINT_DATA"], 0
     for name, words in file.sections():
         if name == "POINTS":
-            found["points"] = file.numbers(3 * int(words[1]), words[2]).reshape(-1, 3).astype(np.float64)
+            found["points"] = file.numbers(int(words[1]), words[2], 3).astype(np.float64)
         elif name == "CELLS":
             found["corners"], found["ends"] = file.cells(int(words[1]), int(words[2]))
         elif name == "CELL_TYPES":
@@ -77,18 +77,13 @@ def read_vtk_grid(content: bytes) -> Any:
             size = int(words[3]) if len(words) > 3 else 1
             if not file.line().upper().startswith("LOOKUP_TABLE"):
                 raise ValueError("LOOKUP_TABLE was expected")
-            place[words[1]] = file.numbers(count * size, words[2]).reshape(count, -1)
+            place[words[1]] = file.numbers(count, words[2], size)
         elif name in ("VECTORS", "NORMALS", "TENSORS"):
-            place[words[1]] = file.numbers(count * (9 if name == "TENSORS" else 3), words[2]).reshape(count, -1)
+            place[words[1]] = file.numbers(count, words[2], 9 if name == "TENSORS" else 3)
         else:
             raise ValueError(f"{words[0][:20]!r} was not expected")
     if missing := {"points", "corners", "types"} - found.keys():
         raise ValueError(f"it has no {min(missing)}")
-    for values, length in ((data["POINT_DATA"], len(found["points"])), (data["CELL_DATA"], len(found["types"]))):
-        for name, array in values.items():
-            values[name] = array[:, 0] if array.ndim == 2 and array.shape[1] == 1 else array
-            if len(array) != length:
-                raise ValueError(f"{name!r} has {len(array)} rows, {length} were expected")
     return _meshio_mesh(**found, point_data=data["POINT_DATA"], cell_data=data["CELL_DATA"])
 
 
@@ -99,10 +94,17 @@ def _meshio_mesh(
     types: np.ndarray,
     point_data: Any,
     cell_data: Mapping[str, np.ndarray],
+    field_data: Any = None,
 ) -> Any:
     """The mesh of cells whose corners stand one after the other, each up to its end."""
     import meshio  # heavy
 
+    for values, length in ((point_data, len(points)), (cell_data, len(types))):
+        for name, array in values.items():
+            if len(array) != length:
+                raise ValueError(f"{name!r} has {len(array)} rows, {length} were expected")
+    if not (len(ends) == len(types) and (np.diff(ends, prepend=0) >= 0).all() and ends[-1:].sum() == len(corners)):
+        raise ValueError(f"the {len(types)} cells do not fit the {len(corners)} corners")
     tables: Any = meshio
     sizes, cells, numbers = np.diff(ends, prepend=0), list[Any](), list[np.ndarray]()
     for kind in np.unique(types):
@@ -114,7 +116,7 @@ def _meshio_mesh(
         cells.append((name, corners[(ends[these] - size)[:, None] + np.arange(size)]))
         numbers.append(these)
     of_cells: Any = {name: [values[some] for some in numbers] for name, values in cell_data.items()}
-    return meshio.Mesh(points, cells, point_data=point_data, cell_data=of_cells)
+    return meshio.Mesh(points, cells, point_data=point_data, cell_data=of_cells, field_data=field_data)
 
 
 def _opened(content: bytes, dataset: str, cure: str) -> _File:
@@ -139,6 +141,8 @@ class _File:
     def __init__(self, content: bytes) -> None:
         self._content, self._at = content, 0
         self.binary = False
+        self._columns = 1
+        """Of the array before; METADATA names each of them."""
         self.place: dict[str, np.ndarray] | None = None
         """Where the arrays of FIELD go; they are passed over where it is None."""
 
@@ -147,8 +151,7 @@ class _File:
         while words := self.line().split():
             name = words[0].upper()
             if name == "METADATA":
-                while self.line(blank=True):
-                    pass
+                self._metadata()
             elif name == "FIELD":
                 self._field(int(words[2]))
             else:
@@ -159,16 +162,22 @@ class _File:
         for _ in range(arrays):
             words = self.line().split()
             if words[0].upper() == "METADATA":
-                while self.line(blank=True):
-                    pass
+                self._metadata()
                 words = self.line().split()
             name, size, count, kind = words
             if kind.lower() == "string":
                 self._strings(int(size) * int(count))
                 continue
-            values = self.numbers(int(size) * int(count), kind).reshape(int(count), -1)
+            values = self.numbers(int(count), kind, int(size))
             if self.place is not None:
                 self.place[name] = values
+
+    def _metadata(self) -> None:
+        """Passes over the description of the last array, up to a blank line; names of its columns may be blank."""
+        while text := self.line(blank=True):
+            if text.upper() == "COMPONENT_NAMES":
+                for _ in range(self._columns):
+                    self.line(blank=True)
 
     def _strings(self, count: int) -> None:
         """Passes over strings: lines of a text, or letters after their number, whose first two bits say in how
@@ -192,8 +201,15 @@ class _File:
                 return text
         return ""
 
-    def numbers(self, count: int, kind: str) -> np.ndarray:
-        """The next numbers, of a type of VTK."""
+    def numbers(self, rows: int, kind: str, columns: int = 1) -> np.ndarray:
+        """The next numbers, of a type of VTK, shape (rows,), or (rows, columns) where there are several."""
+        values = self._numbers(rows * columns, kind)
+        self._columns = columns
+        return values if columns == 1 else values.reshape(rows, columns)
+
+    def _numbers(self, count: int, kind: str) -> np.ndarray:
+        if kind.lower() not in _TYPES:
+            raise ValueError(f"numbers of type {kind[:20]!r} are not read")
         dtype = np.dtype(_TYPES[kind.lower()])
         if not 0 <= count <= len(self._content) - self._at + 1:  # a number takes a byte at least
             raise ValueError(f"it says {count} numbers, {len(self._content) - self._at} bytes are left")
@@ -235,6 +251,8 @@ class _File:
 _MOST = 2_000_000_000
 """An array is never unpacked to more than this [bytes]."""
 _BLANKS = re.compile(rb"\s+")
+_CELLS = ("connectivity", "offsets", "types")
+"""Arrays of the cells of a grid."""
 
 
 def read_vtp(content: bytes) -> tuple[np.ndarray, np.ndarray]:
@@ -265,6 +283,32 @@ def read_vtp(content: bytes) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate(points), np.concatenate(faces)
 
 
+def read_vtu(content: bytes) -> Any:
+    """An unstructured grid as a meshio.Mesh: points, cells of the first order, and the numbers of all its data.
+
+    Raises:
+        ValueError: another kind of data set, several pieces, cells of another kind, or fewer numbers than it says.
+    """
+    root, arrays = _xml(content, "UnstructuredGrid", "write a grid of tetrahedra")
+    pieces = [piece for piece in root.iterfind("UnstructuredGrid/Piece") if piece.get("NumberOfPoints") != "0"]
+    if len(pieces) != 1:
+        raise ValueError(f"it has {len(pieces)} pieces; join them into one, in ParaView by Clean to Grid")
+    (piece,) = pieces
+    points, corners, ends, types = (
+        arrays.read(piece, path)
+        for path in ("Points/DataArray", *(f"Cells/DataArray[@Name='{name}']" for name in _CELLS))
+    )
+    return _meshio_mesh(
+        points.reshape(-1, 3).astype(np.float64),
+        corners.astype(np.int64),
+        ends.astype(np.int64),
+        types,
+        arrays.columns(piece.find("PointData")),
+        arrays.columns(piece.find("CellData")),
+        arrays.columns(root.find("UnstructuredGrid/FieldData")),
+    )
+
+
 def xml_text(content: bytes, name: str) -> list[str]:
     """The strings of an array of field data; ValueError where it is damaged."""
     root, arrays = _xml(content, None)
@@ -276,7 +320,9 @@ def xml_text(content: bytes, name: str) -> list[str]:
     ]
 
 
-def _xml(content: bytes, kind: str | None) -> tuple[ElementTree.Element, _Arrays]:
+def _xml(
+    content: bytes, kind: str | None, cure: str = "extract the surface"
+) -> tuple[ElementTree.Element, _Arrays]:
     """The tree of a file, of a kind of data set where one is given, and its arrays."""
     if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
         raise ValueError("it defines entities, which no surface needs")
@@ -288,7 +334,7 @@ def _xml(content: bytes, kind: str | None) -> tuple[ElementTree.Element, _Arrays
         content = content[: raw.end()] + content[end:]
     root = ElementTree.fromstring(content)
     if root.tag != "VTKFile" or (kind and root.get("type") != kind):
-        raise ValueError(f"it must hold {kind}, not {root.get('type')!r}; extract the surface")
+        raise ValueError(f"it must hold {kind}, not {root.get('type')!r}; {cure}")
     given = root.find("AppendedData")
     if given is not None and not raw:
         appended = _BLANKS.sub(b"", (given.text or "").encode("ascii"))[1:]
@@ -310,6 +356,15 @@ class _Arrays:
         if array is None:
             raise ValueError(f"a piece has no {path}")
         return self.numbers(array)
+
+    def columns(self, data: ElementTree.Element | None) -> dict[str, np.ndarray]:
+        """The arrays of numbers of an element by their names."""
+        found: dict[str, np.ndarray] = {}
+        for array in () if data is None else data.iterfind("DataArray"):
+            if array.get("type") != "String":
+                values, columns = self.numbers(array), int(array.get("NumberOfComponents") or 1)
+                found[array.get("Name", "")] = values if columns == 1 else values.reshape(-1, columns)
+        return found
 
     def numbers(self, array: ElementTree.Element) -> np.ndarray:
         """The numbers of an array; the letters of a string."""
@@ -336,7 +391,7 @@ class _Arrays:
     def _unpacked(self, content: bytes, raw: bool) -> bytes:
         unpack = {"vtkZLibDataCompressor": zlib.decompressobj, "vtkLZMADataCompressor": lzma.LZMADecompressor}
         if self._packer not in unpack:
-            raise ValueError(f"{self._packer} is not read; save it with another compression")
+            raise ValueError(f"it is packed by {self._packer}, which is not read; save it with ZLib, or unpacked")
         size = self._header.itemsize
         blocks, each, last = np.frombuffer(_bytes(content, 3 * size, raw), self._header).tolist()
         if max(blocks - 1, 0) * each + (last or each) > _MOST or blocks * size > len(content):
