@@ -2,11 +2,12 @@
 Algorithm 1 of [1], eq. 4.3 of [2]).
 
 It ends where the energy no longer falls. On a fine mesh that is far from the equilibrium: the energy of long waves
-of soft tissue changes less than it rounds. One Newton solve at the end estimates how far, in mm."""
+of soft tissue changes less than it rounds. One Newton solve there estimates how far, in mm."""
 
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 
 import numpy as np
@@ -48,22 +49,22 @@ class ProjectedGradient:
         self._mean_edge = float(np.linalg.norm(edges, axis=-1).mean())
 
     def relax(self, watch: Callable[[RelaxStep, State], None] | None = None) -> Relaxation:
-        """Lowers the energy until it no longer falls; ends STOPPED, with the estimated distance.
+        """Lowers the energy until it no longer falls; ends STOPPED, with the estimated distance, or STEP_LIMIT.
 
         `watch` is called after each accepted step, whose estimated error is not known.
         """
-        state, model = self._state, self._relaxer.model
+        start, state, model = time.perf_counter(), self._state, self._relaxer.model
         state.evaluate()
         energy, inverted, _ = state.read()
         history = History(
-            energy, inverted, ROUNDING[model.precision], watch=watch and (lambda step: watch(step, state))
+            energy, inverted, ROUNDING[model.precision], start, watch=watch and (lambda step: watch(step, state))
         )
         if not math.isfinite(energy.total):
             return history.end(RelaxStatus.NOT_FINITE, math.inf)
         if not model.free_nodes:
             return history.end(RelaxStatus.CONVERGED, 0.0)
         wp.copy(self._trial.displacement, state.displacement)  # no step moves prescribed nodes
-        status, length = RelaxStatus.STEP_LIMIT, self._first_length()
+        length = self._first_length()
         for _step in range(self._relaxer.options.max_steps):
             slope = self._descend()
             reference = history.largest_energy(MEMORY)
@@ -74,11 +75,11 @@ class ProjectedGradient:
                 length = spectral_length(trial.length, trial.products)
                 history.add(trial)
             if trial is None or not history.falls(PATIENCE):
-                status = RelaxStatus.STOPPED
-                break
+                distance, iterations = self._relaxer.estimate_distance()
+                history.linear_iterations = iterations
+                return history.end(RelaxStatus.STOPPED, distance)
             history.solved(math.inf)
-        distance, history.linear_iterations = self._relaxer.estimate_distance()
-        return history.end(status, distance)
+        return history.end(RelaxStatus.STEP_LIMIT, math.inf)
 
     def _descend(self) -> float:
         """Sets the direction to the negative gradient of the free nodes; returns the slope along it."""

@@ -8,6 +8,7 @@ next is decided in `policy`; `Work` alone knows the device."""
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -20,7 +21,7 @@ from .model import Model
 from .multigrid import Multigrid
 from .parallel import takes_turns
 from .policy import POLICY, Action, PlannedSolve, Run, decide, decide_claim, decide_end, plan, searched, stretch
-from .relaxation import ROUNDING, History, Relaxation, RelaxOptions, RelaxStatus, RelaxStep
+from .relaxation import ROUNDING, History, Relaxation, RelaxOptions, RelaxStatus, RelaxStep, check_tolerance
 from .state import State
 from .work import Work
 
@@ -95,9 +96,15 @@ class Relaxer:
         on the way need not be known so well. Without `confirm_inverted` an end with inverted tetrahedra is not
         confirmed either: the caller changes the model there. `near` promises that the state is likely some
         tolerances from its end, which saves work where it is so; `reuse`, that it is near the one whose Hessian
-        was assembled last (`prepare`). `meanwhile` is called while a device is at work."""
+        was assembled last (`prepare`). `meanwhile` is called while a device is at work.
+
+        Raises:
+            InputError: a tolerance that is no positive number.
+        """
+        start = time.perf_counter()
+        check_tolerance(tolerance := self.options.tolerance if tolerance is None else tolerance)
         run = Run(
-            self.options.tolerance if tolerance is None else tolerance,
+            tolerance,
             confirm,
             try_true=confirm and near,
             reuse=reuse,
@@ -116,6 +123,7 @@ class Relaxer:
             energy,
             inverted,
             ROUNDING[self.model.precision],
+            start,
             watch=watch and (lambda step: watch(step, self.state)),
         )
         if not math.isfinite(energy.total):
@@ -215,6 +223,9 @@ def find_direction(work: Work, run: Run, planned: PlannedSolve) -> tuple[Action,
                 run.down = work.negative_curvature() if run.down is None else run.down
                 work.descend(run.down, run.tolerance, on=not certifying)
                 return Action.SEARCH, spent
+            case Action.SEARCH if certifying:
+                work.turn_downhill()  # noise may point either way
+                return action, spent
             case Action.SEARCH | Action.CONVERGED | Action.STALLED:
                 return action, spent
             case Action.TRY | Action.CERTIFY:

@@ -196,7 +196,8 @@ def decide(run: Run, planned: PlannedSolve, solution: LinearSolution, policy: Po
             if near and negligible and plan(run, policy).true:
                 run.whole = False
                 return Action.SOLVE
-            return Action.SEARCH
+            # no force is left, but rounding alone may be farther than the tolerance
+            return Action.SEARCH if run.length > 0.0 or run.distance <= run.tolerance else Action.STALLED
     raise AssertionError(solution.outcome)
 
 

@@ -7,9 +7,10 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from numbers import Integral, Real
 from typing import TYPE_CHECKING, Literal
 
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, expect
 
 if TYPE_CHECKING:
     from .line_search import Trial
@@ -37,10 +38,16 @@ class RelaxOptions:
     def __post_init__(self) -> None:
         if self.method not in ("newton", "gradient"):
             raise InputError(f"method: must be newton or gradient, not '{self.method}'")
-        if not (math.isfinite(self.tolerance) and self.tolerance > 0.0):
-            raise InputError(f"tolerance: must be a positive number of mm, not {self.tolerance}")
+        check_tolerance(self.tolerance)
+        expect(self.max_steps, Integral, f"max_steps: {self.max_steps}", "give a whole number such as 500")
         if self.max_steps < 1:
             raise InputError(f"max_steps: must be at least 1, not {self.max_steps}")
+
+
+def check_tolerance(tolerance: float) -> None:
+    """InputError where it is no positive number of mm."""
+    if not (isinstance(tolerance, Real) and math.isfinite(tolerance) and tolerance > 0.0):
+        raise InputError(f"tolerance: must be a positive number of mm, not {tolerance!r}; give 0.1, for example")
 
 
 @dataclass(frozen=True)
@@ -105,7 +112,7 @@ class Relaxation:
     """Evaluations of energy and gradient."""
     estimated_error: float
     """Largest distance of a node from its equilibrium at the end [mm]: certified if CONVERGED, an estimate if NEAR
-    or STOPPED, infinite with a status that claims nothing."""
+    or STOPPED, infinite with the other statuses, by either method: they claim nothing."""
     inverted_tets: int
     """Tetrahedra without positive volume at the end."""
     history: tuple[RelaxStep, ...] = ()
@@ -122,6 +129,8 @@ class History:
     """Tetrahedra without positive volume now."""
     relative_rounding: float
     """Relative change of the energy that the precision does not resolve."""
+    start: float
+    """When the relaxation began, by `time.perf_counter` [s]."""
     linear_iterations: int = 0
     """Iterations of the linear solver so far."""
     evaluations: int = 1
@@ -130,7 +139,6 @@ class History:
     """Called with every step, once its distance is known."""
 
     def __post_init__(self) -> None:
-        self._start = time.perf_counter()
         self._history: list[RelaxStep] = []
         self._last: RelaxStep | None = None
         self._iterations = 0
@@ -153,7 +161,7 @@ class History:
         """Adds an accepted step, whose distance is not known yet."""
         self.energy, self.inverted_tets = trial.energy, trial.inverted
         self._energies.append(trial.energy.total)
-        seconds = time.perf_counter() - self._start
+        seconds = time.perf_counter() - self.start
         self._last = RelaxStep(trial.energy, math.inf, trial.length, self._iterations, seconds)
 
     def solved(self, estimated_error: float, iterations: int = 0) -> None:

@@ -20,6 +20,7 @@ from warp_trunk.errors import InputError
 from .model import Model
 from .newton import begin, find_direction
 from .policy import Action, Run, plan, searched
+from .relaxation import check_tolerance
 from .rest_mesh import RestMesh
 from .state import State
 from .work import Work
@@ -59,6 +60,7 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
         InputError: tissue so soft for this gravity that no rest state was found, or only one for which the scan
             is a saddle, by the true Hessian there: the tissue would buckle.
     """
+    check_tolerance(tolerance)
     if model.gravity == 0.0 or model.free_nodes == 0:
         return RestState(model, 0.0, 0.0, 0, 0)
     scan = model.rest

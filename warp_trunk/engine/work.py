@@ -189,6 +189,11 @@ class Work:
         self.direction.assign((start + scale * down).astype(down.dtype))
         self._ahead = False
 
+    def turn_downhill(self) -> None:
+        """Turns the direction round where the energy rises along it."""
+        if self.products().slope > 0.0:
+            self.direction.assign(-self.direction.numpy())
+
     def products(self) -> Products:
         """Products of the gradient at the state with the direction."""
         if not self._ahead:

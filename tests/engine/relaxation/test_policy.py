@@ -172,6 +172,13 @@ def test_where_the_projected_hessian_leads_nowhere_the_true_one_is_solved_with_a
     assert decide(run, plan(run), solved(1e-6)) is Action.SEARCH
 
 
+def test_nothing_is_searched_for_where_no_force_is_left() -> None:
+    """Rounding may still be farther than the tolerance."""
+    for floor, wanted in ((0.2, Action.STALLED), (0.01, Action.SEARCH)):
+        run = Run(0.1, floor=floor)
+        assert decide(run, plan(run), solved(0.0, norm=0.0)) is wanted
+
+
 def test_a_run_begins_with_nothing_of_another() -> None:
     one = near_the_end()
     one.down = np.ones((2, 3))

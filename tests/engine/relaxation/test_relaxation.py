@@ -1,18 +1,23 @@
 """The relaxation as its users see it: where it ends, what it claims there, and along the projected gradient."""
 
+import time
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from support.asserting import refuses
 from support.continuum import Continuum
 from support.meshes import block, block_with_bone, column, single_tet
 from support.models import evaluated, held_turned, increments, model_of, relax
 from support.reference import Reference, volumes
+from warp_trunk.engine import newton
 from warp_trunk.engine.descent import ProjectedGradient, spectral_length
+from warp_trunk.engine.line_search import search
 from warp_trunk.engine.newton import Relaxer
 from warp_trunk.engine.relaxation import Relaxation, RelaxOptions, RelaxStatus, RelaxStep
+from warp_trunk.engine.sag_free import sag_free
 from warp_trunk.engine.state import Products, State
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
@@ -132,11 +137,56 @@ def test_the_tolerance_of_a_call_precedes_that_of_the_options_and_another_call_c
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("tolerance", 0.0), ("tolerance", np.nan), ("tolerance", np.inf), ("max_steps", 0), ("method", "steepest")],
+    [
+        ("tolerance", 0.0),
+        ("tolerance", np.nan),
+        ("tolerance", np.inf),
+        ("tolerance", "0.1"),
+        ("max_steps", 0),
+        ("max_steps", 1.5),
+        ("method", "steepest"),
+    ],
 )
 def test_refuses_options_out_of_range(name: str, value: Any) -> None:
     with pytest.raises(InputError, match=name):
         RelaxOptions(**{name: value})
+
+
+@pytest.mark.parametrize("tolerance", [np.nan, 0.0, -1.0])
+def test_refuses_a_tolerance_out_of_range_wherever_it_is_given(tolerance: float) -> None:
+    """With NaN it never ended."""
+    model = model_of(block((2, 2, 2)), gravity=9.81)
+    with refuses("positive", begins="tolerance"):
+        Relaxer(model).relax(tolerance)
+    with refuses("positive", begins="tolerance"):
+        sag_free(model, tolerance)
+
+
+@pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
+def test_float32_stalls_where_no_force_is_left_but_rounding_exceeds_the_tolerance(energy: str) -> None:
+    """A trunk that is shifted as a whole is at its equilibrium, to the last bit; the estimate divided by zero."""
+    trunk = block_with_bone((3, 3, 3), holes=((1, 1, 1),))
+    shift = np.full_like(trunk.nodes, [100.0, 0.0, 0.0])
+    model = model_of(trunk, energy=energy, precision="float32")
+    ended, _ = relax(model, shift, tolerance=1e-4)
+    assert (ended.status, ended.estimated_error) == (RelaxStatus.STALLED, np.inf)
+    last = increments(model, shift, tolerance=1e-4)[-1]
+    assert (last.relaxation.status, last.relaxer.model.precision) == (RelaxStatus.CONVERGED, "float64")
+    np.testing.assert_allclose(last.displacement, shift, atol=1e-4)
+
+
+def test_the_time_of_a_step_has_the_solve_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a clock that moves while the tissue is evaluated alone."""
+    seconds, evaluate = [0.0], Work.evaluate
+
+    def slowly(work: Work) -> None:
+        seconds[0] += 100.0
+        evaluate(work)
+
+    monkeypatch.setattr(Work, "evaluate", slowly)
+    monkeypatch.setattr(time, "perf_counter", lambda: seconds[0])
+    ended, _ = single(*SCENES["turned face"])
+    assert [step.seconds for step in ended.history] == [100.0] * ended.steps
 
 
 TRUNK = block_with_bone((5, 3, 3), holes=((1, 1, 1), (3, 1, 1)))
@@ -168,6 +218,7 @@ def test_inverts_nothing_and_stops_at_its_bound() -> None:
     ended = ProjectedGradient(relaxer).relax(lambda step, _: seen.append(step))
     assert (ended.status, ended.history) == (RelaxStatus.STEP_LIMIT, tuple(seen))
     assert len(seen) == 3
+    assert ended.estimated_error == seen[-1].estimated_error == np.inf  # STEP_LIMIT claims nothing
     after = volumes(TRUNK.nodes + relaxer.state.host_displacement(), TRUNK.tets) <= 0.0
     assert before.any()
     assert not (after & ~before).any()
@@ -207,6 +258,26 @@ def test_a_direction_of_negative_curvature_is_followed_downwards(side: float) ->
     assert np.linalg.norm(work.direction.numpy()[0]) == pytest.approx(0.1)
     work.assemble(true=True)
     assert work.curvature(down) < 0.0
+    for _ in range(2):
+        work.direction.assign(side * work.direction.numpy())
+        work.turn_downhill()
+        assert work.products().slope < 0.0
+
+
+def test_what_noise_shows_is_searched_downhill(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Just beyond buckling noise shows a soft direction, with whatever sign it has there."""
+    slopes: list[float] = []
+
+    def noted(attempt: Any, length: float, reference: float, slope: float, **options: Any) -> Any:
+        slopes.append(slope)
+        return search(attempt, length, reference, slope, **options)
+
+    monkeypatch.setattr(newton, "search", noted)
+    trunk, path = column(), np.zeros_like(column().nodes)
+    for beyond in (1.5e-8, 2.2e-8, 3.3e-8, 4.9e-8):
+        path[:, 2] = -(0.16225501 + beyond) * trunk.nodes[:, 2]
+        increments(model_of(trunk, energy="neo-hookean"), path, 5, tolerance=0.01)
+    assert max(slopes) < 0.0
 
 
 @pytest.mark.parametrize("theta", [0.0, 10.0, 1000.0])
