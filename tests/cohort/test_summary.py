@@ -29,7 +29,7 @@ def case(
     folder: str, *rows: list[Measured], hump: tuple[float, float, float] | None = None, **known: Any
 ) -> CaseRow:
     states = zip(("before", "predicted", "actual"), hump or (), strict=False)
-    humps = [Measured(state, "", "max_hump_mm", value) for state, value in states]
+    humps = [Measured(state, "T8", "main_hump_mm", value) for state, value in states]
     measures = (*humps, *(row for one in rows for row in one))
     return CaseRow(**{"folder": folder, "status": "CONVERGED", "measures": measures, **known})
 

@@ -40,7 +40,7 @@ def apart_between(before, plans, effects):
 
 def effects_of(shift):
     """Effects of one plan: an error that both plans share, and one by which they differ."""
-    names = [["max_thoracic_bsr_deg", ""], ["max_hump_mm", ""], ["cobb_deg", "T5-T12"]]
+    names = [["thoracic_bsr_deg", "T3"], ["main_hump_mm", "T3"], ["cobb_deg", "T5-T12"]]
     return Effects(
         names=np.array(names), sources=np.array(["shared", "own"]), effects=np.array([[9.0, shift]] * 3),
         landmarks=np.zeros((3, 6)), ratio=np.ones(3), likely_worse=np.zeros((8, 3)),

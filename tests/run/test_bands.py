@@ -52,8 +52,11 @@ def test_what_is_certain_has_no_band() -> None:
     found = bands_of()
     assert [row.sd for row in found.table.column("predicted", "bsr_deg").values()] == [0.0] * 4
     assert found.skin_sd.max() == 0.0
-    exact = [row.sd for row in found.rows if row.state == "exact"]
-    assert exact == [0.0] * 7  # with the largest rotation of the upper and the lower back
+    exact = {(row.quantity, row.level): row.sd for row in found.rows if row.state == "exact"}
+    assert set(exact.values()) == {0.0}
+    before = simulated().measures_before
+    maxima = {("thoracic_bsr_deg", before.worst_level), ("main_hump_mm", before.hump_level)}
+    assert maxima <= exact.keys()
 
 
 def test_landmarks_against_whole_simulations() -> None:
@@ -106,11 +109,11 @@ def test_effects_give_the_intervals_and_the_skin_of_a_likely_larger_hump() -> No
         sd = ratio * np.hypot(np.linalg.norm(own), np.linalg.norm(by_landmarks))
         assert rows.column("predicted", quantity)[level].sd == pytest.approx(sd, rel=1e-3, abs=1e-6)
     skin = simulated().skin
-    hump = rows.column("predicted", "max_hump_mm")[""]
+    ((level, hump),) = rows.column("predicted", "main_hump_mm").items()
+    assert level == simulated().measures_before.hump_level
     for sign in (1.0, -1.0):
         there = replace(skin, vertices=skin.vertices + sign * effects.likely_worse)
-        level = measure(skin, CASE.planned_landmarks).hump_level
-        height = measure(there, CASE.planned_landmarks).hump_height[level or ""]
+        height = measure(there, CASE.planned_landmarks).hump_height[level]
         assert None not in (height, hump.value, hump.sd)
         value, sd = float(hump.value or 0.0), float(hump.sd or 0.0)
         assert float(height or 0.0) - value == pytest.approx(sign * np.copysign(1.2816 * sd, value), rel=0.3)
@@ -119,7 +122,7 @@ def test_effects_give_the_intervals_and_the_skin_of_a_likely_larger_hump() -> No
 def test_plans_that_share_errors_differ_by_less_than_each_alone() -> None:
     """Two plans of two numbers: the deviation of their difference against drawn errors."""
     random, one = np.random.default_rng(5), bands_of(cobb=5.0).effects
-    names = np.array([["bsr_deg", "T8"], ["max_hump_mm", ""]])
+    names = np.array([["bsr_deg", "T8"], ["main_hump_mm", "T8"]])
     first = replace(one, names=names, sources=np.array(["a", "b"]), effects=np.array([[2.0, 1.0], [3.0, 0.0]]),
                     landmarks=random.normal(size=(2, 6)), ratio=np.array([1.0, 1.2]))  # fmt: skip
     other = replace(first, sources=np.array(["b", "c"]), effects=np.array([[1.5, 0.5], [0.2, 2.0]]),
@@ -132,7 +135,7 @@ def test_plans_that_share_errors_differ_by_less_than_each_alone() -> None:
     ]
     drawn = np.std(numbers[0] - numbers[1], axis=1)
     found = first.difference_sd(other)
-    assert [found["bsr_deg", "T8"], found["max_hump_mm", ""]] == pytest.approx(drawn.tolist(), rel=0.01)
+    assert [found["bsr_deg", "T8"], found["main_hump_mm", "T8"]] == pytest.approx(drawn.tolist(), rel=0.01)
     assert first.difference_sd(first) == {name: 0.0 for name in found}
 
 

@@ -75,14 +75,14 @@ def small_bands(vertices: int) -> FoundBands:
         for state, sd in ((PREDICTED, 1.5), (EXACT, 0.5))
         for level, angle in angles.items()
     ]
-    rows.append(Measured.with_sd(PREDICTED, "", "max_hump_mm", 11.0, 2.0))
+    rows += [Measured.with_sd(PREDICTED, "T4", key, 11.0, 2.0) for key in ("hump_mm", "main_hump_mm")]
     rows.append(Measured.with_sd(PREDICTED, "T5-T12", "kyphosis_deg", 30.0, 6.0))
     rows.append(Measured.with_sd(PREDICTED, "", "trunk_shift_mm", -2.0, 1.0))
     source = BandSource(
         name="landmarks",
         spread="2.1 +- 1.5 mm",
         reference="section <5.2> of [2]",
-        sd={"bsr_deg": {"T4": 1.4}, "max_hump_mm": {"": 0.7}},
+        sd={"bsr_deg": {"T4": 1.4}, "hump_mm": {"T4": 0.7}},
     )
     nonlinear = (("bsr_deg", "T4"),)
     bands = Bands(sources=(source,), nonlinear=nonlinear, skin_mean_mm=2.0, skin_max_mm=2.0, draws=32)

@@ -31,6 +31,7 @@ from warp_trunk.run.simulate import simulate
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
+    from warp_trunk.measures import TrunkMeasures
 
 
 LOG = "log.txt"
@@ -129,7 +130,7 @@ def _row(case: Case, folder: Path, result: Result) -> CaseRow:
     left = None if main is None else result.table.value(PREDICTED, "cobb_deg", main.ends)
     of_errors = [row for row in found.table.rows if row.state == "error"]
     if case.has_spine:
-        of_errors += _carried(case)
+        of_errors += _carried(case, result.measures_before)
     elif case.actual_skin is not None:  # the error, had one said that nothing changes
         unmoved, _ = agreement(case.skin, case.actual_skin)
         of_errors += [Measured(BEFORE, "", name, value) for name, value in unmoved.items()]
@@ -151,11 +152,11 @@ def _row(case: Case, folder: Path, result: Result) -> CaseRow:
     )
 
 
-def _carried(case: Case) -> list[Measured]:
+def _carried(case: Case, before: TrunkMeasures) -> list[Measured]:
     """The skin before surgery where the spline of the landmarks carries it: no tissue, no relaxation."""
     carry = fit_spline(case.landmarks_before.points, case.planned_landmarks.points)
     skin = Surface(carry(case.skin.vertices), case.skin.faces)
-    return measured("spline", measure(skin, case.planned_landmarks), of="skin")
+    return measured("spline", measure(skin, case.planned_landmarks), before, of="skin")
 
 
 JUDGED = "judged.json"

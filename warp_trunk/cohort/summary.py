@@ -55,7 +55,7 @@ class LevelSummary:
 
 @dataclass(frozen=True)
 class HumpSummary:
-    """The largest hump [mm]."""
+    """The hump where it is largest before surgery [mm]."""
 
     error: Estimate
     """Mean absolute error."""
@@ -92,7 +92,7 @@ class CohortSummary:
     agreement: LimitsOfAgreement | None
     """Of back surface rotation from T3 to L5 [degrees]."""
     hump: HumpSummary | None
-    """The largest hump."""
+    """The hump, where it is largest before surgery."""
     distance: dict[str, Estimate | None]
     """Mean distance from the actual skin [mm] of cases without a spine: of the prediction (`error`), and of the
     skin before surgery (`nothing_changes`)."""
@@ -168,7 +168,7 @@ def summarize_cohort(rows: Sequence[CaseRow]) -> CohortSummary:
         ranges={name: _estimates(cases.filter(range=name)) for name in RANGES},
         levels={level: one for level in RANGES[WHOLE] if (one := _level(found.filter(level=level)))},
         agreement=limits_of_agreement(predicted["error"].to_list(), predicted["patient"].to_list()),
-        hump=_hump(tidy(counted).filter(quantity="max_hump_mm")),
+        hump=_hump(tidy(counted).filter(quantity="main_hump_mm")),
         distance={
             name: _mean(tidy(counted).filter(state=state, level="", quantity="distance_mean_mm"))
             for name, state in (("error", "error"), ("nothing_changes", "before"))

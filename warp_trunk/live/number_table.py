@@ -70,10 +70,10 @@ def numbers_html(
     states, numbers = _STATES[: len(titles)], measured(_STATES[0], before)
     for state, (each, of_skin) in zip(states[1:], views, strict=True):
         if of_skin is not None:
-            numbers += measured(state, of_skin, of="skin")
+            numbers += measured(state, of_skin, before, of="skin")
         if isinstance(each.surgery, PlannedSurgery):
             spine = measure_spine(each.surgery.landmarks_after)
-            numbers += measured(state, spine, before.cobb, of="spine")
+            numbers += measured(state, spine, before, of="spine")
     table = MeasureTable(numbers)
     part = "The back" if before.tangents else "The skin"
     groups = {part + ", of the skin relaxed last" * stale: skin_rows(table, states)}

@@ -233,7 +233,8 @@ class BsrError:
     sd: float | None
     """Standard deviation of the absolute differences (of a sample, n - 1); None for one level."""
     of_maximum: float
-    """Difference of the largest rotations, each by its size, predicted less actual: what the threshold is of."""
+    """The rotation where the actual skin has its largest, predicted less actual, positive where the prediction has
+    more to the same side."""
 
     @property
     def undetectable(self) -> bool:
@@ -312,11 +313,11 @@ def bsr_error(angles: Mapping[str, tuple[float, float] | None], levels: tuple[st
     known = {level: pair for level in levels if (pair := angles.get(level)) is not None}
     if not known:
         return None
-    predicted, actual = np.abs(np.array(list(known.values()))).T
-    size = np.abs([pair[0] - pair[1] for pair in known.values()])
+    predicted, actual = np.array(list(known.values())).T
+    size, largest = np.abs(predicted - actual), int(np.abs(actual).argmax())
     return BsrError(
         levels=tuple(known),
         mean=float(size.mean()),
         sd=float(size.std(ddof=1)) if len(size) > 1 else None,
-        of_maximum=float(predicted.max() - actual.max()),
+        of_maximum=float(np.copysign(1.0, actual[largest]) * (predicted - actual)[largest]),
     )

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.case.anatomy import region
+from warp_trunk.case.anatomy import LUMBAR, THORACIC
 from warp_trunk.errors import InputError, expect
 
 from .apical import ApicalVertebra, apical_vertebrae, axial_rotation
@@ -72,17 +71,17 @@ class TrunkMeasures:
 
     @property
     def max_thoracic_bsr(self) -> float | None:
-        """The rotation of largest size from T1 to T12, with its sign [degrees]; None if all are missing."""
-        return _largest({level: a for level, a in self.bsr.items() if region(level) == "T"})
+        """The rotation of largest size from T3 to T12, with its sign [degrees]; None if all are missing."""
+        return self.bsr.get(largest_at(self.bsr, THORACIC[2:]) or "")
 
     @property
     def max_lumbar_bsr(self) -> float | None:
         """The rotation of largest size from L1 to L5, with its sign [degrees]; None if all are missing."""
-        return _largest({level: a for level, a in self.bsr.items() if region(level) == "L"})
+        return self.bsr.get(largest_at(self.bsr, LUMBAR) or "")
 
     @property
     def worst_level(self) -> str | None:
-        """The level of the rotation of largest size; None if all are missing."""
+        """The level of the rotation of largest size from T3 to L5; None if all are missing."""
         return largest_at(self.bsr)
 
     @cached_property
@@ -92,12 +91,12 @@ class TrunkMeasures:
 
     @property
     def max_hump(self) -> float | None:
-        """The hump of largest size, with its sign [mm]; None if all are missing."""
-        return _largest(self.hump_height)
+        """The hump of largest size from T3 to L5, with its sign [mm]; None if all are missing."""
+        return self.hump_height.get(self.hump_level or "")
 
     @property
     def hump_level(self) -> str | None:
-        """The level of the hump of largest size; None if all are missing."""
+        """The level of the hump of largest size from T3 to L5; None if all are missing."""
         return largest_at(self.hump_height)
 
     @cached_property
@@ -205,8 +204,3 @@ def _missing_of_spine(found: TrunkMeasures) -> dict[str, str]:
     if found.spine_height is None:
         reasons["spine_height"] = "no landmarks on the upper endplate of T1, or below on S1 or L5"
     return reasons
-
-
-def _largest(values: Mapping[str, float | None]) -> float | None:
-    level = largest_at(values)
-    return None if level is None else values[level]

@@ -8,11 +8,12 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
+from warp_trunk.case.anatomy import LUMBAR, THORACIC
+
 from .apical import apical_vertebrae
 from .cobb import angles_between
 
 if TYPE_CHECKING:
-    from .cobb import CobbAngle
     from .measures import TrunkMeasures
 
 DETECTABLE = 2.5
@@ -28,6 +29,10 @@ LIKELY = 1.281552
 BEFORE, PREDICTED, ACTUAL, EXACT = "before", "predicted", "actual", "exact"
 """States of a result: before surgery, predicted (of the spine: as planned), as scanned after surgery, and as
 predicted with the intervals of a plan that is carried out exactly."""
+
+JUDGED = (*THORACIC[2:], *LUMBAR)
+"""The levels that decide where the back is turned most: both papers leave out T1 and T2, where a section crosses
+the shoulders and turns with their slope."""
 
 Values = Mapping[str, float | None]
 """A quantity by level: a vertebra, the ends of a curve such as T5-T12, or "" for the whole trunk; None is
@@ -47,8 +52,10 @@ class Quantity:
     group: Literal["level", "back", "curve", "spine"]
     """Whether it is known at each vertebra, of the back, of each curve of the spine, or of the spine as a
     whole."""
-    function: Callable[[TrunkMeasures, Sequence[CobbAngle]], Values]
-    """Its values by level, from the measures of a trunk and the curves that its spine had before surgery."""
+    function: Callable[[TrunkMeasures, TrunkMeasures], Values]
+    """Its values by level, from the measures of a trunk and those of the reference, the trunk before surgery as a
+    rule: curves, apices and the place of a maximum are those of the reference, so that states are compared at
+    the same place."""
     side: bool = False
     """Whether it is positive to the patient's right, or where the right side stands further back."""
     detectable: float = LENGTH
@@ -59,6 +66,10 @@ class Quantity:
     """The only level at which a plan is chosen by it; empty for every level."""
     of_skin: bool = False
     """Whether it is measured on the skin."""
+    largest_of: str = ""
+    """The quantity by level whose value it is where the reference has its largest; empty for any other."""
+    levels: tuple[str, ...] = JUDGED
+    """Among which levels that is."""
 
     def label_at(self, level: str) -> str:
         """Its name for a reader at a level."""
@@ -70,21 +81,33 @@ class Quantity:
         return self.short.format(level=level, ends=level.replace("-", " to ")) if chosen else ""
 
 
-def _apical(measures: TrunkMeasures, curves: Sequence[CobbAngle], what: str) -> Values:
-    """A field of the apical vertebra that each curve had before surgery."""
+def _apical(measures: TrunkMeasures, reference: TrunkMeasures, what: str) -> Values:
+    """A field of the apical vertebra that each curve has in the reference."""
     if measures.sacral_line is None:
         return {}
-    apices = apical_vertebrae(measures.spine, curves, measures.axial_rotation, measures.sacral_line)
+    apices = apical_vertebrae(measures.spine, reference.cobb, measures.axial_rotation, measures.sacral_line)
     return {apex.level: getattr(apex, what) for apex in apices}
 
 
-def _cobb(measures: TrunkMeasures, curves: Sequence[CobbAngle]) -> Values:
-    angles = angles_between(curves, measures.spine)
-    return {curve.ends: angle for curve, angle in zip(curves, angles, strict=True)}
+def _cobb(measures: TrunkMeasures, reference: TrunkMeasures) -> Values:
+    angles = angles_between(reference.cobb, measures.spine)
+    return {curve.ends: angle for curve, angle in zip(reference.cobb, angles, strict=True)}
 
 
-def _flank(what: str) -> Callable[[TrunkMeasures, Sequence[CobbAngle]], Values]:
-    def values(measures: TrunkMeasures, _: Sequence[CobbAngle]) -> Values:
+def _largest(key: str, levels: tuple[str, ...] = JUDGED) -> dict[str, Any]:
+    """A quantity by level at the place where the reference has its largest size among some levels. Where a state
+    has more at another level, `MeasureTable.elsewhere` finds it."""
+
+    def values(measures: TrunkMeasures, reference: TrunkMeasures) -> Values:
+        function = QUANTITIES[key].function
+        place = largest_at(function(reference, reference), levels)
+        return {} if place is None else {place: function(measures, reference).get(place)}
+
+    return {"largest_of": key, "levels": levels, "function": values}
+
+
+def _flank(what: str) -> Callable[[TrunkMeasures, TrunkMeasures], Values]:
+    def values(measures: TrunkMeasures, _: TrunkMeasures) -> Values:
         return {level: flank and getattr(flank, what) for level, flank in measures.flanks.items()}
 
     return values
@@ -108,14 +131,14 @@ _DEFINED = (
              function=_flank("right")),
     Quantity(key="flank_asymmetry_percent", label="Asymmetry of the flanks at {level}", unit="%", side=True,
              **_LEVEL, of_skin=True, function=_flank("index")),
-    Quantity(key="max_thoracic_bsr_deg", label=f"{_BSR}, largest from T1 to T12", unit="°", side=True,
-             detectable=DETECTABLE, short="rotation of the upper back", **_BACK,
-             function=lambda m, _: {"": m.max_thoracic_bsr}),
-    Quantity(key="max_lumbar_bsr_deg", label=f"{_BSR}, largest from L1 to L5", unit="°", side=True,
-             detectable=DETECTABLE, short="rotation of the lower back", **_BACK,
-             function=lambda m, _: {"": m.max_lumbar_bsr}),
-    Quantity(key="max_hump_mm", label="Hump, largest", unit="mm", side=True, short="hump", **_BACK,
-             function=lambda m, _: {"": m.max_hump}),
+    Quantity(key="thoracic_bsr_deg", label="Rotation of the upper back (BSR) at {level}", unit="°",
+             side=True, detectable=DETECTABLE, short="rotation of the upper back at {level}", **_BACK,
+             **_largest("bsr_deg", THORACIC[2:])),
+    Quantity(key="lumbar_bsr_deg", label="Rotation of the lower back (BSR) at {level}", unit="°",
+             side=True, detectable=DETECTABLE, short="rotation of the lower back at {level}", **_BACK,
+             **_largest("bsr_deg", LUMBAR)),
+    Quantity(key="main_hump_mm", label="Main hump, at {level}", unit="mm", side=True,
+             short="hump at {level}", **_BACK, **_largest("hump_mm")),
     Quantity(key="shoulder_difference_mm", label="Higher shoulder, by", unit="mm", side=True, short="shoulders",
              **_BACK, function=lambda m, _: {"": m.shoulders and m.shoulders.difference}),
     Quantity(key="waist_depth_left_mm", label="Depth of the left waist", unit="mm", **_BACK,
@@ -134,9 +157,9 @@ _DEFINED = (
              short="Cobb angle {ends}", function=_cobb),
     Quantity(key="apical_rotation_deg", label="Rotation of the apical vertebra {level}", unit="°", side=True,
              detectable=SPINE_ANGLE, short="rotation of {level}", **_CURVE,
-             function=lambda m, curves: _apical(m, curves, "rotation")),
+             function=lambda m, reference: _apical(m, reference, "rotation")),
     Quantity(key="apical_translation_mm", label="Apical vertebra {level} beside the vertical", unit="mm",
-             side=True, **_CURVE, function=lambda m, curves: _apical(m, curves, "translation")),
+             side=True, **_CURVE, function=lambda m, reference: _apical(m, reference, "translation")),
     Quantity(key="trunk_shift_mm", label="Top of the spine beside the sacrum", unit="mm", side=True, **_SPINE,
              short="balance to the side", function=lambda m, _: {"": m.trunk_shift and m.trunk_shift.lateral}),
     Quantity(key="trunk_shift_forward_mm", label="Top of the spine in front of the sacrum", unit="mm", **_SPINE,
@@ -191,9 +214,9 @@ class Measured:
         return self.low <= value <= self.high
 
 
-def largest_at(values: Values) -> str | None:
-    """The level of the value of largest size; None where none is known."""
-    sizes = {level: abs(value) for level, value in values.items() if value is not None}
+def largest_at(values: Values, levels: Sequence[str] = JUDGED) -> str | None:
+    """Of some levels that of the value of largest size; None where none is known."""
+    sizes = {level: abs(value) for level, value in values.items() if value is not None and level in levels}
     return max(sizes, key=sizes.__getitem__, default=None)
 
 
@@ -204,7 +227,7 @@ COLUMNS = ("state", "level", "quantity", "value", "low", "high")
 def measured(
     state: str,
     measures: TrunkMeasures,
-    curves: Sequence[CobbAngle] | None = None,
+    reference: TrunkMeasures | None = None,
     *,
     of: Literal["skin", "spine"] | None = None,
 ) -> list[Measured]:
@@ -213,15 +236,16 @@ def measured(
     Args:
         state: its name.
         measures: what `measure` found.
-        curves: those that the spine had before surgery; its own when left out.
+        reference: the trunk whose curves and places it is compared at, as a rule before surgery; itself when left
+            out.
         of: what is known of this state; both when left out.
     """
-    curves = measures.cobb if curves is None else curves
+    reference = measures if reference is None else reference
     return [
         Measured(state, level, quantity.key, value)
         for quantity in _DEFINED
         if of is None or quantity.of_skin == (of == "skin")
-        for level, value in quantity.function(measures, curves).items()
+        for level, value in quantity.function(measures, reference).items()
     ]
 
 
@@ -234,9 +258,9 @@ class MeasureTable:
 
     @classmethod
     def of(cls, states: Mapping[str, TrunkMeasures]) -> MeasureTable:
-        """Every quantity of some states of a trunk, by name; curves are those of the first."""
-        curves = next(iter(states.values())).cobb
-        return cls(row for name, measures in states.items() for row in measured(name, measures, curves))
+        """Every quantity of some states of a trunk, by name, at the places of the first."""
+        reference = next(iter(states.values()))
+        return cls(row for name, measures in states.items() for row in measured(name, measures, reference))
 
     @cached_property
     def _columns(self) -> dict[tuple[str, str], dict[str, Measured]]:
@@ -255,12 +279,37 @@ class MeasureTable:
 
     def value(self, state: str, quantity: str, level: str = "") -> float | None:
         """A single value; None where it is missing or not in the table."""
-        row = self.column(state, quantity).get(level)
+        row = self.row(state, quantity, level)
         return None if row is None else row.value
 
+    def row(self, state: str, quantity: str, level: str = "") -> Measured | None:
+        """A single row; None where it is not in the table."""
+        return self.column(state, quantity).get(level)
+
     def largest(self, state: str, quantity: str) -> str | None:
-        """The level at which a quantity has its largest size; None where it is known at none."""
+        """The level of `JUDGED` at which a quantity has its largest size; None where it is known at none."""
         return largest_at(self.values(state, quantity))
+
+    def place(self, quantity: str) -> str | None:
+        """Where a quantity is measured that all states have at one place; None where no state has it."""
+        return next((row.level for row in self.rows if row.quantity == quantity), None)
+
+    def elsewhere(self, state: str, quantity: str) -> Measured | None:
+        """Where a state has more than at the place of a maximum, its row there.
+
+        Args:
+            state: of the trunk.
+            quantity: a maximum (`Quantity.largest_of`).
+
+        Returns:
+            None where the state has its maximum at that place too, or, as it is shown, no more elsewhere.
+        """
+        maximum, here = QUANTITIES[quantity], self.value(state, quantity, self.place(quantity) or "")
+        level = largest_at(self.values(state, maximum.largest_of), maximum.levels)
+        row = None if level is None else self.row(state, maximum.largest_of, level)
+        if row is None or row.value is None or here is None or round(abs(row.value)) <= round(abs(here)):
+            return None
+        return row
 
     def with_rows(self, known: Iterable[Measured]) -> MeasureTable:
         """The table with other rows in place of those of the same state, level and quantity, or after all."""

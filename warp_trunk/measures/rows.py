@@ -236,7 +236,7 @@ def comparison_text(comparison: SkinComparison) -> str:
         verdict = "below" if error.undetectable else "not below"
         lines.append(
             f"{name:<8} {error.mean:.2f}{spread}° on average over {len(error.levels)} levels, {verdict} the "
-            f"{DETECTABLE:g}° that can be detected; of the largest {error.of_maximum:+z.2f}°"
+            f"{DETECTABLE:g}° that can be detected; where the actual is largest {error.of_maximum:+z.2f}°"
         )
     lines += ["", "Back surface rotation, predicted less actual [°]"]
     differences = [

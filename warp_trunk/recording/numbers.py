@@ -1,7 +1,7 @@
 """The trunk in numbers: rotations by level as bars, energy and error as plots, a table. Imports Rerun."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,7 @@ import rerun as rr
 
 from warp_trunk.engine.relaxation import Energy
 from warp_trunk.measures import TrunkMeasures
-from warp_trunk.measures.quantities import BEFORE, Measured, MeasureTable
+from warp_trunk.measures.quantities import BEFORE, JUDGED, Measured, MeasureTable
 from warp_trunk.measures.rows import RESEARCH, as_markdown, measure_rows, sided
 
 from .colours import GREY, NOW, TARGET, TERMS, TEXT
@@ -18,6 +18,8 @@ Angles = Mapping[str, float | None]
 
 NAMES_OF_TERMS = {"distance": "edges", "area": "faces"}
 """Names of the terms of an energy in the plot, where they differ."""
+MAXIMA = ("thoracic_bsr_deg", "lumbar_bsr_deg")
+"""The rotations whose course is plotted: of the upper and the lower back, each where it is largest before."""
 BAR = 0.26
 """Height of a bar, where levels are 1 apart and three bars share one."""
 NAMES, BETWEEN, ANGLES = 0.05, (0.1, 0.81), 0.91
@@ -33,7 +35,7 @@ class BarPlot:
         """The plot that holds angles by level, those of the first with its levels, and whiskers beside them."""
         self.levels = tuple(angles[0])
         """Names of the rows, the first on top, rows 1 apart."""
-        known = [angle for each in angles for angle in each.values() if angle is not None]
+        known = [angle for each in angles for at, angle in each.items() if angle is not None and at in JUDGED]
         low, high = min([0.0, *known]) - SPARE, max([1.0, *known]) + SPARE
         self.width = 1.25 * (len(self.levels) + 1)
         """The whole plot is this wide, from 0."""
@@ -45,14 +47,17 @@ class BarPlot:
     def bars(self, angles: Angles, place: int) -> list[np.ndarray]:
         """Lines (2, 2) from zero to each known angle [degrees]; `place` is 0 to 2 for the bar of a level."""
         known = [(row + BAR * (place - 1), angles.get(level)) for row, level in enumerate(self.levels)]
-        ends = [(y, self.zero + self.scale * angle) for y, angle in known if angle is not None]
+        ends = [(y, self._across(angle)) for y, angle in known if angle is not None]
         return [np.array([[self.zero, y], [x, y]], np.float32) for y, x in ends]
 
-    def whiskers(self, ranges: Mapping[str, tuple[float, float]]) -> list[np.ndarray]:
-        """Lines (2, 2) over the middle bars from one angle to another [degrees], cut off at names and angles."""
+    def _across(self, angles: float | Sequence[float]) -> np.ndarray:
+        """Places of angles [degrees], cut off at names and numbers: those of T1 and T2 set no scale."""
         first, last = (part * self.width for part in BETWEEN)
-        rows = [(row, ranges[level]) for row, level in enumerate(self.levels) if level in ranges]
-        ends = [(row, np.clip(self.zero + self.scale * np.array(angles), first, last)) for row, angles in rows]
+        return np.clip(self.zero + self.scale * np.asarray(angles), first, last)
+
+    def whiskers(self, ranges: Mapping[str, tuple[float, float]]) -> list[np.ndarray]:
+        """Lines (2, 2) over the middle bars from one angle to another [degrees]."""
+        ends = [(row, self._across(ranges[level])) for row, level in enumerate(self.levels) if level in ranges]
         return [np.array([[low, row], [high, row]], np.float32) for row, (low, high) in ends]
 
 
@@ -66,8 +71,10 @@ class Numbers:
         self._plot = plot = BarPlot(*angles.values())
         self._terms: list[str] = []
         log("error", rr.SeriesLines(names="error", colors=NOW, widths=2.0), static=True)
-        names = ["upper back, to the right above 0", "lower back"]
-        log("bsr", rr.SeriesLines(names=names, colors=[NOW, TARGET], widths=2.0), static=True)
+        self._places = {key: place for key in MAXIMA if (place := table.place(key))}
+        if names := [f"at {place}, to the right above 0" for place in self._places.values()]:
+            colours = [NOW, TARGET][: len(names)]
+            log("bsr", rr.SeriesLines(names=names, colors=colours, widths=[2.0] * len(names)), static=True)
         log("bars/before", self._bars(angles[BEFORE], GREY, 0), static=True)
         log("bars/target", self._bars(angles[name], TARGET, 2), static=True)
         rows, middle = len(plot.levels), 0.5 * plot.width
@@ -84,8 +91,9 @@ class Numbers:
         angles = table.values("now", "bsr_deg")
         self._log("bars/now", self._bars(angles, NOW, 1))
         self._log("bars/angles", self._labels(ANGLES, {level: sided(a) for level, a in angles.items()}, NOW))
-        most = (table.value("now", f"max_{part}_bsr_deg") for part in ("thoracic", "lumbar"))
-        self._log("bsr", rr.Scalars([math.nan if angle is None else angle for angle in most]))
+        followed = [table.value("now", key, place) for key, place in self._places.items()]
+        if followed:
+            self._log("bsr", rr.Scalars([math.nan if angle is None else angle for angle in followed]))
         text = side_by_side(table, self._before, self._name, load_factor)
         self._log("table", rr.TextDocument(text, media_type="text/markdown"))
 

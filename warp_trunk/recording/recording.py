@@ -63,7 +63,7 @@ class Recording:
         target_skin = case.actual_skin or skin.moved(skin.vertices + carried)
         target = measure(target_skin, case.planned_landmarks)
         name = ACTUAL if actual else "target"
-        self._curves, self._still = before.cobb, MeasureTable.of({BEFORE: before, name: target})
+        self._before, self._still = before, MeasureTable.of({BEFORE: before, name: target})
         blueprint = layout(case, before, target=name, unit=unit)
         self._streams = open_streams(case.name, self.path, live, blueprint)
         most = float(np.percentile(np.linalg.norm(carried, axis=1), 99.5))
@@ -120,7 +120,7 @@ class Recording:
         for stream in self._streams:
             stream.at(number)
         self._scene.now(displacement, self._case.landmarks_at(load_factor).points)
-        table = self._still.with_rows(measured("now", measures, self._curves))
+        table = self._still.with_rows(measured("now", measures, self._before))
         self._scene.section("now", measures, table, NOW, static=False)
         self._numbers.measures(table, load_factor)
 

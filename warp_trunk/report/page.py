@@ -17,7 +17,16 @@ from warp_trunk.geometry.surface import corner_areas
 from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.measures import SkinComparison, TrunkMeasures
 from warp_trunk.measures.part import FollowedPoint, agreement_rows, profile, swept_volumes
-from warp_trunk.measures.quantities import ACTUAL, BEFORE, DETECTABLE, EXACT, PREDICTED, QUANTITIES, MeasureTable
+from warp_trunk.measures.quantities import (
+    ACTUAL,
+    BEFORE,
+    DETECTABLE,
+    EXACT,
+    JUDGED,
+    PREDICTED,
+    QUANTITIES,
+    MeasureTable,
+)
 from warp_trunk.measures.rows import (
     MISSING,
     MeasureRow,
@@ -84,7 +93,7 @@ def page(
         band_head=BAND_HEAD,
         band_rows=band_table(table, summary.bands) if summary.bands else [],
         source_head=SOURCE_HEAD,
-        source_rows=source_table(summary.bands) if summary.bands else [],
+        source_rows=source_table(summary.bands, table.place("main_hump_mm") or "") if summary.bands else [],
         comparison=comparison,
         detectable=DETECTABLE,
         **_of_run(result, poses),
@@ -202,14 +211,14 @@ def band_table(table: MeasureTable, bands: Bands) -> list[list[str]]:
     return found
 
 
-def source_table(bands: Bands) -> list[list[str]]:
-    """Every source of error, the largest first: what it alone does."""
+def source_table(bands: Bands, place: str) -> list[list[str]]:
+    """Every source of error, the largest first: what it alone does, to rotations and to the hump at a place."""
     return [
         [
             source.name,
             source.spread,
-            number(max(source.sd.get("bsr_deg", {}).values(), default=None)),
-            number(source.sd.get("max_hump_mm", {}).get("")),
+            number(max((sd for at, sd in source.sd.get("bsr_deg", {}).items() if at in JUDGED), default=None)),
+            number(source.sd.get("hump_mm", {}).get(place)),
             source.reference,
         ]
         for source in bands.sources

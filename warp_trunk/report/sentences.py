@@ -85,7 +85,7 @@ def _stiff(plan: Plan | None) -> str:
 
 _SIDES = {
     "bsr_deg": "the {side} side further back",
-    "max_hump_mm": "on the {side}",
+    "main_hump_mm": "on the {side}",
     "shoulder_difference_mm": "the {side} one higher",
     "waist_depth_mm": "the {side} one deeper",
     "trunk_shift_mm": "to the {side}",
@@ -96,13 +96,14 @@ _SIDES = {
 def glance(table: MeasureTable, curves: Sequence[CobbAngle]) -> list[Tile]:
     """The few numbers that a patient asks for first: before and after, with side and interval."""
     worst = table.largest(BEFORE, "bsr_deg") or ""  # the same one after surgery, where another may be the largest
+    hump = table.place("main_hump_mm") or ""
     asked = [
         ("cobb_deg", f"curve of the spine, {_ends(curve)}, to the {curve.convex}", curve.ends)
         for curve, _ in _main(_followed(table, curves))
     ]
     asked += [
         ("bsr_deg", f"rotation of the back at {worst}", worst),
-        ("max_hump_mm", "hump", ""),
+        ("main_hump_mm", f"hump at {hump}", hump),
         ("shoulder_difference_mm", "shoulders", ""),
         ("waist_depth_mm", "waist", ""),
         ("trunk_shift_mm", "top of the spine beside the pelvis", ""),
@@ -242,8 +243,9 @@ def _change(table: MeasureTable, several: bool) -> str:
             f"{most}: it is predicted to change from {abs(was):.0f} degrees with the {_side(was)} side further "
             f"back to {abs(will):.0f} degrees with the {_side(will)} side further back"
         )
-    if several and level.startswith("T") and (lumbar := known(table, "max_lumbar_bsr_deg")):
-        text += f", and in the lower back {abs(lumbar[1]):.0f} instead of {abs(lumbar[0]):.0f}"
+    lower = table.place("lumbar_bsr_deg") or ""
+    if several and level.startswith("T") and (lumbar := known(table, "lumbar_bsr_deg", lower)):
+        text += f", and at {lower} in the lower back {abs(lumbar[1]):.0f} instead of {abs(lumbar[0]):.0f}"
     return f"{text}."
 
 
@@ -294,7 +296,8 @@ def _rest(table: MeasureTable) -> str:
             f"The predicted rotation of the back is below {DETECTABLE:g} degrees at every vertebra, the smallest "
             "difference that such measurements can detect."
         )
-    hump = known(table, "max_hump_mm")
+    place = table.place("main_hump_mm") or ""
+    hump = known(table, "main_hump_mm", place)
     verb = "still stands" if was is not None and abs(was) >= 0.5 and was * angle > 0.0 else "then stands"
     text = (
         f"The {_side(angle)} side of the back {verb} further back, by {abs(angle):.0f} degrees at vertebra {level}"
@@ -302,7 +305,9 @@ def _rest(table: MeasureTable) -> str:
     if hump is None:
         return f"{text}."
     sizes, sides = [f"{abs(size):.0f}" for size in hump], [_side(size) for size in hump]
-    return f"{text}; the largest hump is {sizes[1]} mm ({sides[1]}) instead of {sizes[0]} ({sides[0]})."
+    more = table.elsewhere(PREDICTED, "main_hump_mm")
+    now = "" if more is None else f"; it is then largest at {more.level}, {abs(more.value or 0.0):.0f} mm"
+    return f"{text}; the hump at {place} is {sizes[1]} mm ({sides[1]}) instead of {sizes[0]} ({sides[0]}){now}."
 
 
 def _trust(comparison: SkinComparison | None) -> str:

@@ -13,6 +13,7 @@ from matplotlib.patheffects import withStroke
 
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures.back_rotation import hump_top
+from warp_trunk.measures.quantities import Measured, largest_at
 from warp_trunk.measures.skin_quality import LOOK, STRETCH, SkinChange
 
 from .clothing import cloth_surfaces
@@ -194,7 +195,14 @@ def values_picture(
 def hump_limit(poses: Sequence[TrunkState], painted: Sequence[Painted]) -> float:
     """Where the scale of the hump ends that holds all poses [mm]."""
     largest = [float(np.nanmax(np.where(part > 0.5, abs(one), 0.0))) for one, part in painted]
-    return scale_limit([*largest, *(abs(pose.number("max_hump_mm") or 0.0) for pose in poses)])
+    return scale_limit([*largest, *(abs(row.value or 0.0) for pose in poses for row in humps_of(pose))])
+
+
+def humps_of(pose: TrunkState) -> list[Measured]:
+    """The humps that are ringed: where the hump is largest before surgery, and where it is largest now."""
+    there = pose.main("main_hump_mm")
+    levels = dict.fromkeys([None if there is None else there.level, largest_at(pose.values("hump_mm"))])
+    return [row for level in levels if level and (row := pose.column("hump_mm").get(level)) and row.value]
 
 
 def hump_picture(
@@ -204,8 +212,8 @@ def hump_picture(
     seen: Window,
     limit: float,
 ) -> Figure:
-    """Every pose coloured by how far each place stands behind the other side of the back, with its spine; the two
-    places of the largest hump are ringed. The scale ends at `limit` [mm]."""
+    """Every pose coloured by how far each place stands behind the other side of the back, with its spine. The two
+    places of a hump are ringed (`humps_of`). The scale ends at `limit` [mm]."""
     bounds, palette = np.arange(-limit, limit + COLOUR_STEP, COLOUR_STEP), hump_palette(limit)
     colours, norm = ListedColormap(palette), BoundaryNorm(bounds, len(palette))
     images = [
@@ -219,22 +227,27 @@ def hump_picture(
         lines(axes, seen, compared, steps.tolist(), "solid")
         lines(axes, seen, compared, (-steps[::-1]).tolist(), "dashed")
         axes.plot(*back.spine.T, "o-", color=INK, markersize=1.8, linewidth=0.7)
-        level, height = pose.measures.hump_level, pose.number("max_hump_mm")
-        if level is not None and height is not None:
-            tangent, z = pose.measures.tangents[level], back.spine[pose.landmarks.vertebrae().index(level)][1]
-            top = None if tangent is None else hump_top(tangent)
-            assert top is not None  # there is a hump
-            places = seen_from(np.column_stack([top[1], [z, z]]), pose.landmarks, BEHIND)[:, 0]  # right, left
-            for edge, thick in (("white", 2.4), (INK, 1.2)):
-                axes.plot(places, [z, z], "o", ms=7.0, mfc="none", mec=edge, mew=thick)
-            x = places[0 if height > 0.0 else 1] - np.copysign(14.0, height)
-            axes.text(
-                x, z + 20.0, f"{abs(height):.0f} mm", ha="center", va="center", fontsize=10,
-                fontweight="bold", color=INK, path_effects=[withStroke(linewidth=2.5, foreground="white")],
-            )  # fmt: skip
+        for hump in humps_of(pose):
+            _ring(axes, pose, back, hump)
     ticks = np.arange(-limit, limit + 1.0, 10.0 if limit <= 40.0 else 20.0)
     bar = figure.colorbar(ScalarMappable(norm, colours), cax=plots[-1], orientation="horizontal", ticks=ticks)
     bar.ax.set_xlabel("difference from the other side of the back [mm]", fontsize=8.5)
     for x, ha, words in ((0.0, "left", "purple, dashed: further forward"), (1.0, "right", "orange: further back")):
         bar.ax.text(x, 1.35, words, transform=bar.ax.transAxes, ha=ha, va="bottom", fontsize=8.5)
     return figure
+
+
+def _ring(axes: Axes, pose: TrunkState, back: Relief, hump: Measured) -> None:
+    """Ring the two places of a hump and write its height and level beside the one that stands further back."""
+    tangent, z = pose.measures.tangents[hump.level], back.spine[pose.landmarks.vertebrae().index(hump.level)][1]
+    top, height = None if tangent is None else hump_top(tangent), hump.value
+    assert top is not None
+    assert height is not None  # there is a hump
+    places = seen_from(np.column_stack([top[1], [z, z]]), pose.landmarks, BEHIND)[:, 0]  # right, left
+    for edge, thick in (("white", 2.4), (INK, 1.2)):
+        axes.plot(places, [z, z], "o", ms=7.0, mfc="none", mec=edge, mew=thick)
+    axes.text(
+        places[0 if height > 0.0 else 1] - np.copysign(14.0, height), z + 20.0,
+        f"{hump.level}: {abs(height):.0f} mm", ha="center", va="center", fontsize=10, fontweight="bold",
+        color=INK, path_effects=[withStroke(linewidth=2.5, foreground="white")],
+    )  # fmt: skip

@@ -20,13 +20,13 @@ from warp_trunk.io.folders import make_writable
 from warp_trunk.io.result_files import PAGE, PICTURES, picture_source
 from warp_trunk.measures import compare_skins, measure
 from warp_trunk.measures.part import agreement
-from warp_trunk.measures.quantities import LIKELY, MeasureTable
+from warp_trunk.measures.quantities import LIKELY, Measured, MeasureTable, measured
 from warp_trunk.measures.skin_quality import skin_change
 
 from . import skin_pictures as skins
 from .clothing import dressed
 from .hump import hump_on_vertices, hump_palette, painted_difference
-from .page import STATES, page, part_page, plan_of_result
+from .page import page, part_page, plan_of_result
 from .part_pictures import change_sections, changed_views, frame_of
 from .plans import check_plans, plan_poses, plans_page, plans_table
 from .plots import convergence_plot, rotation_plot, section_plots
@@ -80,9 +80,9 @@ def _whole(result: Result, folder: Path, bare: bool) -> str:
     doubtful = None
     if quality is not None and quality.faults:
         doubtful = skins.at_vertices(result.skin, change.doubtful.astype(np.float64))
-    more, hump = [], result.table.column(STATES[1], "max_hump_mm").get("")
+    more, hump = [], poses[1].main("main_hump_mm")
     if result.effects is not None and hump is not None and result.converged:
-        more = _likely(poses[1], result.effects.likely_worse, hump.sd or 0.0)
+        more = _likely(poses, result.effects.likely_worse, hump)
     figures, trunk = _backs(poses, doubtful, more, bare=bare)
     fused = [(), () if plan is None else fused_levels(plan)]
     figures |= {
@@ -108,19 +108,21 @@ def _whole(result: Result, folder: Path, bare: bool) -> str:
     return page(result, poses, comparison, _drawn(figures, folder), trunk)
 
 
-def _likely(predicted: TrunkState, worse: np.ndarray, sd: float) -> list[TrunkState]:
+def _likely(poses: Sequence[TrunkState], worse: np.ndarray, hump: Measured) -> list[TrunkState]:
     """A likely better and a likely worse back than the predicted one, by the displacement to the latter.
 
     None where the hump does not change with it as it should: errors act unevenly there, and no picture is right.
     """
-    found = []
+    (before, predicted, *_), found = poses, []
     for look, sign in ((BETTER, -1.0), (WORSE, 1.0)):
         skin = predicted.skin.moved(predicted.skin.vertices + sign * worse)
         measures = measure(skin, predicted.landmarks)
-        table = MeasureTable.of({look.state: measures})
+        table = MeasureTable(measured(look.state, measures, before.measures))
         found.append(TrunkState(look, skin, predicted.landmarks, measures, table))
-    better, own, worst = (abs(one.measures.max_hump or 0.0) for one in (found[0], predicted, found[1]))
-    expected = LIKELY * sd
+    better, own, worst = (
+        abs(one.measures.hump_height.get(hump.level) or 0.0) for one in (found[0], predicted, found[1])
+    )
+    expected = LIKELY * hump.sd
     change = own - max(better, 0.0) if own > expected else expected, worst - own
     return found if all(abs(one - expected) <= 0.5 * expected for one in change) else []
 

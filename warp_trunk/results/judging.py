@@ -14,7 +14,6 @@ from warp_trunk.io.result_files import PREDICTED_SKIN, SUMMARY, TRUNK
 from warp_trunk.io.trunk_file import read_trunk
 from warp_trunk.measures import compare_skins, measure
 from warp_trunk.measures.comparison import comparison_rows
-from warp_trunk.measures.measures import measure_spine
 from warp_trunk.measures.part import agreement, agreement_rows, tissue_volume_change
 from warp_trunk.measures.quantities import ACTUAL, COLUMNS, PREDICTED, Measured, MeasureTable, measured
 from warp_trunk.measures.rows import comparison_text, measures_text
@@ -90,9 +89,9 @@ def judged(
         when = "before" if unmoved else "after"
     landmarks = case.landmarks_before if when == "before" else case.planned_landmarks
     found = measure(skin, landmarks, case.skin if same and when == "after" else None)
-    curves = measure_spine(case.landmarks_before).cobb
+    before = measure(case.skin, case.landmarks_before)
     of_result = when == "after" and file.name == PREDICTED_SKIN and (file.parent / SUMMARY).is_file()
-    table = MeasureTable(measured(PREDICTED if of_result else when, found, curves))
+    table = MeasureTable(measured(PREDICTED if of_result else when, found, before))
     if of_result:
         known = [
             row for row in read_summary(file.parent).measures if row.state == PREDICTED and row.low is not None
@@ -109,7 +108,7 @@ def judged(
         text += ["", *(f"{name}: {value}" for name, value in agreement_rows(agreed))]
     elif actual is not None:
         other, comparison = measure(actual, landmarks), compare_skins(skin, actual, landmarks)
-        table = table.with_rows([*measured(ACTUAL, other, of="skin"), *comparison_rows(comparison)])
+        table = table.with_rows([*measured(ACTUAL, other, before, of="skin"), *comparison_rows(comparison)])
         text += ["", "The actual skin", "", measures_text(other), "", comparison_text(comparison)]
     inside = levels_in_band(table)
     if known := [level for level, is_in in inside.items() if is_in is not None]:

@@ -80,7 +80,7 @@ def result_of(
     before, after = measures or (measure(case.skin, case.landmarks_before), measure(skin, planned, case.skin))
     table = MeasureTable.of({BEFORE: before, PREDICTED: after})
     if case.actual_skin is not None:
-        actual = measured(ACTUAL, measure(case.actual_skin, planned), of="skin")
+        actual = measured(ACTUAL, measure(case.actual_skin, planned), before, of="skin")
         table = table.with_rows(actual)
     if found is not None:
         table = table.with_rows(found.rows)

@@ -18,7 +18,7 @@ from warp_trunk.bone_motion.plan.record import Bound, bounds_of_text, check_boun
 from warp_trunk.engine.linearization import Linearization
 from warp_trunk.errors import InputError
 from warp_trunk.measures import measure
-from warp_trunk.measures.quantities import QUANTITIES, WIDTH
+from warp_trunk.measures.quantities import JUDGED, QUANTITIES, WIDTH, largest_at
 
 from .options import RunOptions, with_changes
 from .patient import PreparedPatient, patient_of
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
 
 Aim = Literal["hump", "bsr"]
-AIMS = {"hump": ("hump_mm", "largest hump", "mm"), "bsr": ("bsr_deg", "largest back surface rotation", "degrees")}
-"""The quantity of each, and it in words with its unit."""
+AIMS = {"hump": ("hump_mm", "hump", "mm"), "bsr": ("bsr_deg", "back surface rotation", "degrees")}
+"""The quantity of each whose largest value is to be small, and it in words with its unit."""
 MOST = 9
 """Relaxations of a search, that of the plan as given included."""
 ENOUGH = 2e-4
@@ -55,18 +55,22 @@ class PlanTrial:
         self.case = search.planned(shares)
         self.prediction = prepare_plan(patient, self.case).relax()
         measured = measure(self.prediction.skin, self.case.planned_landmarks)
-        found = QUANTITIES[AIMS[search.aim][0]].function(measured, ())
-        self.values = {level: value for level, value in found.items() if value is not None}
+        found = QUANTITIES[AIMS[search.aim][0]].function(measured, measured)
+        self.values = {level: value for level in JUDGED if (value := found.get(level)) is not None}
 
     @property
     def level(self) -> str:
         """Where the number of largest size is."""
-        return max(self.values, key=lambda level: abs(self.values[level]))
+        return largest_at(self.values) or ""
 
     @property
     def value(self) -> float:
         """The objective: the size of that number [mm or degrees]."""
-        return abs(self.values[self.level])
+        return self.size_at(self.level)
+
+    def size_at(self, level: str) -> float:
+        """The size of the number of a level [mm or degrees]; 0 where there is none."""
+        return abs(self.values.get(level, 0.0))
 
     @cached_property
     def numbers(self) -> dict[str, Sensitivity]:
@@ -144,7 +148,7 @@ class BestPlan:
     trials: tuple[PlanTrial, ...]
     """All that were simulated, in order."""
     gain: float
-    """By how much the aim is smaller [mm or degrees]."""
+    """By how much the aim is smaller where the plan as given has its largest [mm or degrees]."""
     gain_sd: float
     """The standard deviation of that, from the sources that the case states."""
 
@@ -219,7 +223,8 @@ def best_plan(
     best = min([given, *allowed], key=lambda trial: trial.value)
     sd = 0.0 if best is given else gain_sd(search, given, best)
     best_one = with_shares(plan, search.bounds, best.shares)
-    return BestPlan(search, best_one, given, best, tuple(trials), given.value - best.value, sd)
+    gain = given.value - best.size_at(given.level)
+    return BestPlan(search, best_one, given, best, tuple(trials), gain, sd)
 
 
 class _SpentError(Exception):
@@ -263,7 +268,8 @@ def _minimise(bounds: Sequence[Bound], first: PlanTrial, trial_of: Callable[[Seq
 
 
 def gain_sd(search: Search, given: PlanTrial, best: PlanTrial) -> float:
-    """Standard deviation of how much smaller the aim is of one plan than of the other.
+    """Standard deviation of how much smaller the aim is of one plan than of the other, where the former has its
+    largest.
 
     Errors of the patient (landmarks, tissue, ribs) are the same for both plans, so only their effect on the
     difference counts. How surgery misses a plan is not the same; it adds up.
@@ -273,7 +279,7 @@ def gain_sd(search: Search, given: PlanTrial, best: PlanTrial) -> float:
     shared: dict[str, float] = defaultdict(float)
     missed = 0.0
     for trial, side in ((given, 1.0), (best, -1.0)):
-        one = trial.numbers[trial.level]
+        one = trial.numbers[given.level]
         sign = side * math.copysign(1.0, one.value)
         moved = moved + sign * (one.landmarks_before + one.landmarks_after)
         for source in sources_of(trial.prediction):
@@ -297,7 +303,9 @@ def best_plan_text(found: BestPlan) -> str:
         at = " (at its end)" if share in (bound.low, bound.high) else ""
         ends = f"{bound.low:g} to {bound.high:g}{at}"
         lines.append(f"{f'{bound.target} of {bound.apex}':<42}{was:>8.2f}{share:>8.2f}   {ends}")
-    lines.append(f"{f'{name} [{unit}]':<42}{given.value:>8.1f}{best.value:>8.1f}   at {given.level}, {best.level}")
+    here = f"{name} at {given.level} [{unit}]"
+    now = "" if best.level == given.level else f"   then largest at {best.level}, {best.value:.1f}"
+    lines.append(f"{here:<42}{given.value:>8.1f}{best.size_at(given.level):>8.1f}{now}")
     band = WIDTH * found.gain_sd
     if best is given:
         lines.append("No plan within the bounds was found that is better than the plan as given.")

@@ -154,13 +154,9 @@ def linearity(
 
 
 def measured_again(skin: Surface, landmarks: Landmarks, names: Iterable[tuple[str, str]]) -> list[float]:
-    """Numbers by quantity and level on another skin; NaN where one is missing.
-
-    The largest hump is that of this skin, at whatever level: its top jumps from one level or side to another where
-    two are nearly as high, and the largest is reported.
-    """
+    """Numbers by quantity and level on another skin; NaN where one is missing."""
     found = measure(skin, landmarks)
-    values = [QUANTITIES[quantity].function(found, ()).get(level) for quantity, level in names]
+    values = [QUANTITIES[quantity].function(found, found).get(level) for quantity, level in names]
     return [math.nan if value is None else value for value in values]
 
 

@@ -20,7 +20,6 @@ from warp_trunk.case.uncertainty import REFERENCES
 from warp_trunk.engine.linearization import Linearization
 from warp_trunk.geometry.spline import spline_response
 from warp_trunk.geometry.surface import vertex_normals
-from warp_trunk.measures.cobb import CobbAngle, cobb_angles
 from warp_trunk.measures.measures import measure_spine
 from warp_trunk.measures.quantities import EXACT, LIKELY, PREDICTED, QUANTITIES, Measured, quantities_of
 from warp_trunk.results.bands import Bands, BandSource, Effects, FoundBands
@@ -39,6 +38,7 @@ from .sources import ErrorSource, sources_of
 if TYPE_CHECKING:
     from warp_trunk.case import Case
     from warp_trunk.case.uncertainty import Invented
+    from warp_trunk.measures import TrunkMeasures
     from warp_trunk.measures.derivatives import Derivative
 
     from .prediction import Prediction
@@ -72,7 +72,8 @@ def find_bands(prediction: Prediction, *, draws: int = DRAWS) -> FoundBands:
     ratio, in_proportion = linearity(solved.drawn, on_skin, solved.numbers, skin, case.planned_landmarks)
     deviation = skin_deviation(solved.drawn, on_skin, vertex_normals(skin))
     skin_sd = np.hypot(deviation, case.uncertainty.mesh_length)
-    every = [*zip(solved.numbers, range(len(solved.numbers)), strict=True), *_largest(solved)]
+    every = [*zip(solved.numbers, range(len(solved.numbers)), strict=True), *_maxima(prediction, solved)]
+    hump_row = next((row for (name, _), row in every if name == "main_hump_mm"), None)
     names, at = [name for name, _ in every], [row for _, row in every]
     values = [*solved.numbers.values()]
 
@@ -92,7 +93,7 @@ def find_bands(prediction: Prediction, *, draws: int = DRAWS) -> FoundBands:
     )
     of_spine, by_spine, by_landmarks = spine_bands(case, sources)
     rows = [*intervals(PREDICTED, effects), *of_spine, *intervals(EXACT, exact)]
-    hump = next((row.sd for row in rows if (row.state, row.quantity) == (PREDICTED, "max_hump_mm")), None)
+    hump = next((row.sd for row in rows if (row.state, row.quantity) == (PREDICTED, "main_hump_mm")), 0.0)
     by_source = np.array([effects[source.name] for source in sources])
     apart = [np.concatenate([one.landmarks_before, one.landmarks_after]).ravel() for one in solved.apart]
     both = Effects(
@@ -103,24 +104,25 @@ def find_bands(prediction: Prediction, *, draws: int = DRAWS) -> FoundBands:
         ),
         landmarks=np.vstack([case.uncertainty.landmark_sd * np.array(apart)[at], by_landmarks]),
         ratio=np.append(ratio[at], np.ones(len(of_spine))),
-        likely_worse=_likely_worse(solved, on_skin, hump or 0.0),
+        likely_worse=_likely_worse(solved, on_skin, hump_row, hump),
     )
     return FoundBands(tuple(rows), bands, skin_sd, both)
 
 
-def _largest(solved: _Solved) -> list[tuple[tuple[str, str], int]]:
-    """The largest rotations of the upper and the lower back: quantity and level, and the row of the vertebra."""
-    rows = [(abs(one.value), name, row) for row, (name, one) in enumerate(solved.numbers.items())]
-    found = []
-    for key, part in (("max_thoracic_bsr_deg", "T"), ("max_lumbar_bsr_deg", "L")):
-        known = [
-            (size, row) for size, (quantity, level), row in rows if quantity == "bsr_deg" and level[0] == part
-        ]
-        found += [((key, ""), max(known)[1])] if known else []
-    return found
+def _maxima(prediction: Prediction, solved: _Solved) -> list[tuple[tuple[str, str], int]]:
+    """The numbers that are at the place of a maximum before surgery: quantity and level, and the row of the same
+    number by level."""
+    rows, before = {name: row for row, name in enumerate(solved.numbers)}, prediction.measures_before
+    return [
+        ((quantity.key, level), rows[quantity.largest_of, level])
+        for quantity in quantities_of("back")
+        if quantity.largest_of
+        for level in quantity.function(before, before)
+        if (quantity.largest_of, level) in rows
+    ]
 
 
-def _likely_worse(solved: _Solved, on_skin: np.ndarray, sd: float) -> np.ndarray:
+def _likely_worse(solved: _Solved, on_skin: np.ndarray, hump_row: int | None, sd: float) -> np.ndarray:
     """The displacement of the skin with a hump at the upper end of its 80 % interval [mm], shape (vertices, 3).
 
     Of all errors together, the mean displacement where the hump has that size: the covariance of the skin with the
@@ -129,11 +131,12 @@ def _likely_worse(solved: _Solved, on_skin: np.ndarray, sd: float) -> np.ndarray
     Args:
         solved: the derivative of the hump and the fields of error.
         on_skin: how the skin follows each field [mm], shape (fields, vertices, 3).
+        hump_row: of the main hump among the numbers; None where there is none.
         sd: standard deviation of the hump [mm].
     """
-    hump = solved.numbers.get(("max_hump_mm", ""))
-    if hump is None:
+    if hump_row is None:
         return np.zeros(on_skin.shape[1:])
+    hump = [*solved.numbers.values()][hump_row]
     by_field = np.tensordot(on_skin, hump.vertices, axes=2)
     variance = solved.drawn.variance * by_field
     total = float(variance @ by_field)
@@ -277,9 +280,9 @@ def spine_bands(case: Case, sources: Sequence[ErrorSource]) -> tuple[list[Measur
     A Cobb angle is that between the end vertebrae that the curve has before surgery, and rotation that of its apex
     before. Each landmark after surgery has its own error; how surgery misses the plan comes on top.
     """
-    after, curves = case.planned_landmarks, cobb_angles(case.landmarks_before)
-    values = spine_measures(after, curves)
-    by_point = _derivatives(after, curves, values)
+    after, before = case.planned_landmarks, measure_spine(case.landmarks_before)
+    values = spine_measures(after, before)
+    by_point = _derivatives(after, before, values)
     known = [bool(np.isfinite(one).all()) for one in by_point]
     names, by_point = [name for name, one in zip(values, known, strict=True) if one], by_point[known]
     moves = [
@@ -296,16 +299,14 @@ def spine_bands(case: Case, sources: Sequence[ErrorSource]) -> tuple[list[Measur
     return rows, effects, np.hstack([np.zeros_like(landmarks), landmarks])  # before surgery, after
 
 
-def _derivatives(
-    after: Landmarks, curves: Sequence[CobbAngle], values: Mapping[tuple[str, str], float]
-) -> np.ndarray:
+def _derivatives(after: Landmarks, before: TrunkMeasures, values: Mapping[tuple[str, str], float]) -> np.ndarray:
     """Of each measure in each landmark, shape (measures, landmarks, 3); NaN where one goes missing."""
     derivative = np.zeros((len(values), *after.points.shape))
 
     def moved(row: int, by: np.ndarray) -> list[float]:
         points = after.points.copy()
         points[row] += by
-        there = spine_measures(Landmarks(after.names, points), curves)
+        there = spine_measures(Landmarks(after.names, points), before)
         return [there.get(name, np.nan) - value for name, value in values.items()]
 
     for row in range(len(after.points)):
@@ -315,12 +316,12 @@ def _derivatives(
     return derivative
 
 
-def spine_measures(landmarks: Landmarks, curves: Sequence[CobbAngle]) -> dict[tuple[str, str], float]:
-    """Measures of a spine by quantity and level; those that are missing are left out."""
+def spine_measures(landmarks: Landmarks, before: TrunkMeasures) -> dict[tuple[str, str], float]:
+    """Measures of a spine by quantity and level, at the places it has before surgery; without missing ones."""
     found = measure_spine(landmarks)
     return {
         (quantity.key, level): value
         for quantity in quantities_of("curve", "spine")
-        for level, value in quantity.function(found, curves).items()
+        for level, value in quantity.function(found, before).items()
         if value is not None
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -77,6 +78,11 @@ class Prediction:
     def last(self) -> Increment:
         """The increment with the whole correction."""
         return self.increments[-1]
+
+    @cached_property
+    def measures_before(self) -> TrunkMeasures:
+        """The measures before surgery, whose places the prediction is compared at."""
+        return measure(self.case.skin, self.case.landmarks_before)
 
     @property
     def skin(self) -> Surface:

@@ -19,7 +19,6 @@ from warp_trunk.case.layers import NAMES, Layers
 from warp_trunk.engine.constants import Constant, constants_of, parts_derivative, weight_derivative
 from warp_trunk.engine.linearization import Adjoints, Linearization
 from warp_trunk.geometry.spline import spline_response
-from warp_trunk.measures import measure
 from warp_trunk.measures.derivatives import (
     Derivative,
     hump_derivative,
@@ -64,7 +63,7 @@ class Sensitivity:
 def sensitivities(
     prediction: Prediction, *, all_humps: bool = False, linear: Linearization | None = None
 ) -> tuple[Sensitivity, ...]:
-    """Sensitivities of the back surface rotation of each level, the largest hump and the shoulders.
+    """Sensitivities of the back surface rotation of each level, the main hump and the shoulders.
 
     One linear solve with the true curvature of the energy gives the derivative of one number in everything (its
     adjoint, see `Linearization`); no simulation is repeated. Derivatives hold for small changes; beyond some mm a
@@ -72,7 +71,8 @@ def sensitivities(
 
     Args:
         prediction: of a case, relaxed.
-        all_humps: whether the hump of each level is asked for, and not the largest alone.
+        all_humps: whether the hump of each level is asked for, and not only where it is largest before surgery or
+            predicted.
         linear: the trunk linearised at the increment, where there is one; made when left out.
 
     Raises:
@@ -99,16 +99,16 @@ def numbers_of(prediction: Prediction, *, all_humps: bool = False) -> dict[tuple
         By quantity and level.
     """
     skin, landmarks = prediction.skin, prediction.case.planned_landmarks
-    measured = measure(skin, landmarks)
+    measured = prediction.measures_at(prediction.last)
+    humps = {prediction.measures_before.hump_level, measured.hump_level}
     tangents = {level: tangent for level, tangent in measured.tangents.items() if tangent is not None}
     found: dict[tuple[str, str], Derivative | None] = {
         ("bsr_deg", level): rotation_derivative(skin, landmarks, level, tangent)
         for level, tangent in tangents.items()
     }
     for level, tangent in tangents.items():
-        if all_humps or level == measured.hump_level:
-            name = ("hump_mm", level) if all_humps else ("max_hump_mm", "")
-            found[name] = hump_derivative(skin, landmarks, level, tangent)
+        if all_humps or level in humps:
+            found["hump_mm", level] = hump_derivative(skin, landmarks, level, tangent)
     found["shoulder_difference_mm", ""] = shoulder_derivative(skin, landmarks)
     return {name: number for name, number in found.items() if number is not None}
 

@@ -24,7 +24,6 @@ from warp_trunk.errors import InputError, expect
 from warp_trunk.io.atomic_write import partial
 from warp_trunk.io.folders import locked, removed_if_empty
 from warp_trunk.io.result_files import RECORDING
-from warp_trunk.measures import measure
 from warp_trunk.measures.skin_quality import skin_quality
 from warp_trunk.recording import Recording, load_rerun, start_viewer
 from warp_trunk.results import Result, prepare_folder, result_of, write_result
@@ -245,7 +244,7 @@ class _Simulator:
         held = colliding_bones(trunk, prediction.path)
         if held:
             progress.message(f"warning: {held[0]}; tissue cannot follow there")
-        before = measure(case.skin, case.landmarks_before)
+        before = prediction.measures_before
         with ExitStack() as recordings:
             observers: list[Observer] = [
                 _timed(clock),
