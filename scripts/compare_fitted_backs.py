@@ -21,6 +21,7 @@ from warp_trunk import Case, CurvePlan, Landmarks, Plan, simulate
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.measures import cobb_angles
+from warp_trunk.measures.quantities import BEFORE, PREDICTED
 from warp_trunk.preparation.back_scan import fit_back
 from warp_trunk.preparation.back_scan.scan import cut_back
 from warp_trunk.preparation.deformity import SpineCurve, make_case
@@ -64,12 +65,13 @@ def compared(whole: Case, kind: str) -> dict[str, Any]:
         main_curve = max(cobb_angles(case.landmarks_before), key=lambda curve: curve.angle)
         plan = Plan(uiv=uiv, liv=liv, curves=(CurvePlan(main_curve.apex, correction=CORRECTION),))
         result = simulate(case, plan, **OPTIONS)
+        place = result.table.place("main_hump_mm") or ""
         found[which] = {
             "status": result.status.name,
             "inverted": result.summary.inverted_tets,
             "before": rotations(result.measures_before),
             "after": rotations(result.measures),
-            "hump": [result.measures_before.max_hump, result.measures.max_hump],
+            "hump": [result.table.value(state, "main_hump_mm", place) for state in (BEFORE, PREDICTED)],
         }
     return found
 
