@@ -3,10 +3,6 @@
 # Warp's annotations are values:
 # pyright: reportInvalidTypeForm=false
 
-import math
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 import warp as wp
@@ -18,10 +14,9 @@ from warp_trunk.engine.parallel import (
     choose_device,
     choose_threads,
     in_sequence,
-    quota,
-    usable_cores,
 )
 from warp_trunk.errors import InputError
+from warp_trunk.system import usable_cores
 
 
 @wp.kernel(enable_backward=False)
@@ -57,31 +52,8 @@ def test_given_bounds_are_kept_and_few_items_not_split() -> None:
     assert [list(np.flatnonzero(row)) for row in seen] == [list(range(7)), [], [7, 8, 9]]
 
 
-def test_zero_threads_are_all_cores_of_a_container() -> None:
-    assert choose_threads(0) == usable_cores() == Parallel("cpu", 0).ranges <= len(os.sched_getaffinity(0))
-
-
-@pytest.mark.parametrize(
-    ("groups", "files", "cores"),
-    [
-        ("0::/", {"cpu.max": "150000 100000"}, 1.5),  # version 2, inside a container
-        ("0::/pod/one", {"cpu.max": "max 100000", "pod/cpu.max": "300000 100000"}, 3.0),  # that of its parent
-        ("0::/", {"cpu.max": "max 100000"}, math.inf),
-        (  # version 1, whose path is the host's
-            "5:memory:/docker/1\n4:cpu,cpuacct:/docker/1\n0::/x",
-            {"cpu,cpuacct/cpu.cfs_quota_us": "250000", "cpu,cpuacct/cpu.cfs_period_us": "100000"},
-            2.5,
-        ),
-        ("1:cpu:/", {"cpu/cpu.cfs_quota_us": "-1", "cpu/cpu.cfs_period_us": "100000"}, math.inf),
-        ("no groups", {}, math.inf),
-    ],
-)
-def test_the_quota_of_a_container(groups: str, files: dict[str, str], cores: float, tmp_path: Path) -> None:
-    for name, text in files.items():
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_text(text + "\n")
-    (tmp_path / "cgroup").write_text(groups + "\n")
-    assert quota(tmp_path / "cgroup", tmp_path) == cores
+def test_zero_threads_are_all_usable_cores() -> None:
+    assert choose_threads(0) == usable_cores() == Parallel("cpu", 0).ranges
 
 
 @wp.kernel(enable_backward=False)

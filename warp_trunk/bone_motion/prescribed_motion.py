@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.engine.parallel import usable_cores
 from warp_trunk.engine.trunk_mesh import tet_volumes
 from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.spline import SplineSums, fit_spline, spread_centres
+from warp_trunk.system import usable_cores
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks

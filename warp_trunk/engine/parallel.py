@@ -1,25 +1,19 @@
 """Launches of kernels over all CPU cores, or on CUDA.
 
-Warp runs a CPU launch on the calling thread alone. Here the range of a launch is split over threads, and launches
-that follow each other are one program, which a team of threads runs in one call of machine code (see the kernels
-of `synchronization`): the threads are woken once instead of for each launch, and Ctrl-C comes before or after a
-program, never in between. A kernel of the hot path takes `Items` first: it works on a range and adds only into its
-own slab of an accumulator, which keeps results free of races and, on the CPU, equal to the last bit from run to
-run.
+Warp runs a CPU launch on the calling thread alone. Here the range of a launch is split over the threads of a
+`Team`, which runs launches that follow each other as one program. A kernel of the hot path takes `Items` first: it
+works on a range and adds only into its own slab of an accumulator, which keeps results free of races and, on the
+CPU, equal to the last bit from run to run.
 """
 
 from __future__ import annotations
 
-import ctypes
 import math
-import os
 import threading
-import weakref
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import cache, partial, wraps
+from dataclasses import replace
+from functools import partial, wraps
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
@@ -29,14 +23,11 @@ from warp_trunk.errors import InputError
 from warp_trunk.kernels.arguments import Items, filled
 from warp_trunk.kernels.native import NativeKernel
 from warp_trunk.kernels.starting import start_warp
-from warp_trunk.kernels.synchronization import (
-    BOARD_SIZE,
-    call_kernel,
-    clear_kernel,
-    copy_to_host_kernel,
-    serve_kernel,
-)
+from warp_trunk.kernels.synchronization import clear_kernel, copy_to_host_kernel
 from warp_trunk.kernels.vectors import slab_gatherer
+from warp_trunk.system import usable_cores
+
+from .team import Step, Team
 
 Launch = Callable[[], None]
 """A recorded launch, to call many times."""
@@ -86,54 +77,6 @@ def choose_threads(threads: int) -> int:
     return threads or usable_cores()
 
 
-GROUPS = Path("/proc/self/cgroup")
-"""The control groups of this process."""
-ROOT = Path("/sys/fs/cgroup")
-"""Where control groups are mounted."""
-
-
-def usable_cores() -> int:
-    """The cores that this process may run on, at most the quota of its container in whole cores, at least one."""
-    return max(1, math.ceil(min(len(os.sched_getaffinity(0)), quota(GROUPS, ROOT))))
-
-
-def quota(groups: Path, root: Path) -> float:
-    """The least quota of the control groups of a process and those above them, in cores; infinite where none is.
-
-    Args:
-        groups: the file of its groups, lines `number:controllers:path`; version 2 has one without controllers.
-        root: where the groups are mounted; inside a container that is often the process's own group.
-    """
-    try:
-        lines = [line.split(":", 2) for line in groups.read_text().splitlines()]
-    except OSError:
-        return math.inf
-    least = math.inf
-    for _, controllers, path in (line for line in lines if len(line) == 3):
-        if controllers == "":
-            mount, names = root, ("cpu.max",)
-        elif "cpu" in controllers.split(","):
-            mount, names = root / controllers, ("cpu.cfs_quota_us", "cpu.cfs_period_us")
-            mount = mount if mount.is_dir() else root / "cpu"
-        else:
-            continue
-        inside = mount / path.strip("/")
-        for folder in (inside, *inside.parents):
-            least = min(least, _quota_of(folder, names))
-            if folder == mount:
-                break
-    return least
-
-
-def _quota_of(folder: Path, names: tuple[str, ...]) -> float:
-    """The quota of one group, in cores."""
-    try:
-        allowed, period = map(float, " ".join((folder / name).read_text() for name in names).split())
-    except (OSError, ValueError):  # no such group, or `max`
-        return math.inf
-    return allowed / period if allowed > 0.0 and period > 0.0 else math.inf
-
-
 class Parallel:
     """Where launches run: `ranges` threads of the CPU, or a CUDA device (one range).
 
@@ -145,7 +88,7 @@ class Parallel:
         self.least_split = least_split
         self.is_cuda = self.device.startswith("cuda")
         self.ranges = 1 if self.is_cuda else choose_threads(threads)
-        self._team = _Team(self.ranges)
+        self._team = Team(self.ranges)
 
     def split(self, size: int) -> np.ndarray:
         """Bounds of equal ranges of [0, size), shape (ranges + 1,)."""
@@ -182,7 +125,7 @@ class Parallel:
             )
         if self.is_cuda:
             return commands[0].launch if any(commands) else nothing
-        return _Recorded(self._team, [_Step(tuple(commands))] if any(commands) else [])
+        return _Recorded(self._team, [Step(tuple(commands))] if any(commands) else [])
 
     def clear(self, array: wp.array) -> Launch:
         """A launch that sets an array to zero; on the CPU all threads do."""
@@ -207,7 +150,7 @@ class Parallel:
             return lambda: wp.capture_while(running, work)
         assert isinstance(work, _Recorded)
         *steps, last = work.steps
-        return _Recorded(self._team, [*steps, _Step(last.commands, running, len(steps))])
+        return _Recorded(self._team, [*steps, Step(last.commands, running, len(steps))])
 
     def graph(self, *launches: Launch) -> Launch:
         """Several launches as one: on CUDA a graph, which the host launches in the time of one kernel."""
@@ -265,29 +208,10 @@ def beside(launch: Launch, other: Launch) -> Launch:
     return in_sequence(launch, other)
 
 
-@dataclass(frozen=True, eq=False)
-class _Step:
-    """A launch that is part of a program."""
-
-    commands: tuple[Any, ...]
-    """The launch of each range that Warp has recorded, or None; those at the end may be left out."""
-    running: wp.array | None = None
-    """Where its first number is not 0 after the step, the program goes back."""
-    back: int = 0
-    """By so many steps."""
-    meets: bool = True
-    """Whether the threads wait for each other before the next step."""
-
-    @property
-    def split(self) -> bool:
-        """Whether another range than the first has a part in it."""
-        return any(self.commands[1:])
-
-
 class _Recorded:
     """Steps on the CPU, as a launch; they become a program when they are first launched."""
 
-    def __init__(self, team: _Team, steps: Sequence[_Step]) -> None:
+    def __init__(self, team: Team, steps: Sequence[Step]) -> None:
         self.team, self.steps = team, steps
         self._call: Launch | None = None
 
@@ -298,115 +222,6 @@ class _Recorded:
         if self._call is None:
             self._call = self.team.program(self.steps)
         self._call()
-
-
-class _Team:
-    """The CPU threads that run the ranges of a program; they are started when one is split."""
-
-    def __init__(self, ranges: int) -> None:
-        self.ranges = ranges
-        self._lock = threading.Lock()
-        self._board: wp.array | None = None
-        self._process = 0
-        """The process whose threads they are, 0 for none."""
-
-    def program(self, steps: Sequence[_Step]) -> Launch:
-        """The steps as a launch: one call of machine code, which Ctrl-C or another thread cannot come between."""
-        split = any(step.split for step in steps)
-        threads = self.ranges if split else 1
-        table = np.zeros((len(steps), 3 + 3 * threads), dtype=np.int64)
-        held: list[Any] = [table, steps]
-        for number, step in enumerate(steps):
-            # not after the last step, as the caller waits for all, nor between two that are the first range's
-            following = steps[number + 1 : number + 2]
-            apart = not step.meets or not (following and (step.split or following[0].split))
-            table[number, 0] = split and (step.running is not None or not apart)
-            if step.running is not None:
-                table[number, 1:3] = np.array([step.running.ptr, number - step.back])
-            for slab, command in enumerate(step.commands):
-                if command is not None:
-                    call = _Call(command)
-                    table[number, 3 + 3 * slab : 6 + 3 * slab] = call.addresses
-                    held.append(call)
-        return self._caller(threads, table.ctypes.data, len(steps), held)
-
-    def _caller(self, threads: int, table: int, steps: int, held: Any) -> Launch:
-        """A launch of `call_kernel`."""
-        call = _Call(self._command(call_kernel, 0, [threads, _system_call(), table, steps]))
-
-        def launch(held: Any = held) -> None:
-            if threads == 1:
-                call()
-                return
-            with self._lock:
-                self._start()
-                call()
-
-        return launch
-
-    def _command(self, kernel: Any, range: int, arguments: Sequence[Any]) -> Any:
-        if self._board is None:
-            self._board = wp.zeros(BOARD_SIZE, dtype=wp.int64, device="cpu")
-        given = [filled(Items, slab=range), self._board, *arguments]
-        return wp.launch(kernel, dim=1, inputs=given, device="cpu", record_cmd=True)
-
-    def _start(self) -> None:
-        """Starts the threads, once; InputError in a process that was forked from theirs."""
-        if self._process == os.getpid():
-            return
-        if self._process:
-            raise InputError(
-                "threads: this process was forked from one whose threads relax tissue, and has none of them; "
-                "make the model in this process, or start it with the method 'spawn'"
-            )
-        self._process = os.getpid()
-        calls = [
-            _Call(self._command(serve_kernel, r, [self.ranges, _system_call()])) for r in range(1, self.ranges)
-        ]
-        threads = [threading.Thread(target=call, daemon=True) for call in calls]
-        for thread in threads:
-            thread.start()
-        end = _Call(self._command(call_kernel, 0, [self.ranges, _system_call(), 0, -1]))
-        weakref.finalize(self, _end, self._process, end, threads)
-
-
-def _end(process: int, end: Launch, threads: Sequence[threading.Thread]) -> None:
-    """Ends the threads of a team."""
-    if process == os.getpid():
-        end()
-        for thread in threads:
-            thread.join()
-
-
-class _Call:
-    """A call of the machine code of a launch that Warp has recorded, with its bounds and arguments."""
-
-    def __init__(self, command: Any) -> None:
-        bounds, *values = command.params
-        arguments = _arguments_type(*map(type, values))(*values)
-        self._held = command, arguments
-        self._function, self._given = command.hooks.forward, (ctypes.byref(bounds), ctypes.byref(arguments))
-        function = ctypes.cast(self._function, ctypes.c_void_p).value
-        self.addresses = np.array([function, ctypes.addressof(bounds), ctypes.addressof(arguments)])
-
-    def __call__(self) -> None:
-        """Calls it without the interpreter lock."""
-        self._function(*self._given)
-
-
-@cache
-def _arguments_type(*types: Any) -> Any:
-    """The arguments of a kernel as its machine code has them."""
-    fields = [(f"argument{number}", kind) for number, kind in enumerate(types)]
-    return type("Arguments", (ctypes.Structure,), {"_fields_": fields})
-
-
-@cache
-def _system_call() -> int:
-    """The address of the function for calls of the operating system."""
-    address = ctypes.cast(ctypes.CDLL(None).syscall, ctypes.c_void_p).value
-    assert address is not None
-    return address
 
 
 def _size_of(array: wp.array) -> int:

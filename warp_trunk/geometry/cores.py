@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 import warp as wp
 
-from warp_trunk.engine.parallel import usable_cores
+from warp_trunk.system import usable_cores
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

@@ -1,0 +1,146 @@
+"""A team of threads: how it is woken, what interrupts its start, and how it ends."""
+
+# Warp's annotations are values:
+# pyright: reportInvalidTypeForm=false
+
+from __future__ import annotations
+
+import gc
+import platform
+import sys
+import threading
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import warp as wp
+
+from support.meshes import block_with_bone
+from support.models import held_turned, model_of, relax, split_launches
+from warp_trunk.engine.parallel import Parallel
+from warp_trunk.engine.waking import FUTEX, VARIABLE, waking_way
+from warp_trunk.errors import InputError
+
+WAYS = ["futex", "locks"] if waking_way() == "futex" else ["locks"]
+SIZE = 1000
+
+
+def clearing(threads: int) -> Callable[[], bool]:
+    """A call that has a new team clear an array, and says whether it has."""
+    parallel = Parallel("cpu", threads, least_split=1)
+    values = wp.full(SIZE, 7, dtype=wp.int8, device="cpu")
+    launch = parallel.clear(values)
+
+    def clears() -> bool:
+        values.fill_(7)
+        launch()
+        return not values.numpy().any()
+
+    return clears
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("threads", [2, 3, 5])
+def test_sleeping_threads_are_woken(way: str, threads: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After any pause: they spin for some 0.1 ms, and then go to sleep at any moment of the next launch."""
+    monkeypatch.setenv(VARIABLE, way)
+    clears = clearing(threads)
+    pauses = np.random.default_rng(threads).uniform(0.0, 5e-4, 300)
+    pauses[:3] = 0.05
+    for pause in pauses:
+        time.sleep(pause)
+        assert clears()
+
+
+@pytest.mark.skipif(len(WAYS) < 2, reason="this system has one way")
+@pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
+def test_every_way_gives_the_same_bits(energy: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    block = block_with_bone((6, 5, 5))
+    ends: list[bytes] = []
+    for way in WAYS:
+        monkeypatch.setenv(VARIABLE, way)
+        model = model_of(block, energy=energy, precision="float32", device=split_launches(3))
+        ends.append(relax(model, held_turned(block, 8.0))[1].tobytes())
+    assert ends[0] == ends[1]
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("started", [False, True])
+@pytest.mark.parametrize("number", [0, 1, 2])
+@pytest.mark.parametrize("cause", [KeyboardInterrupt, RuntimeError])
+def test_a_start_that_is_cut_off_goes_on_with_the_next_launch(
+    way: str, started: bool, number: int, cause: type[BaseException], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It left a team that waited for ever for threads that were never started."""
+    monkeypatch.setenv(VARIABLE, way)
+    real, starts = threading.Thread.start, []
+
+    def start(thread: threading.Thread) -> None:
+        starts.append(thread)
+        if len(starts) == number + 1:
+            if started:
+                real(thread)
+            raise cause("can't start new thread")
+        real(thread)
+
+    gc.collect()
+    before = threading.active_count()
+    clears = clearing(4)
+    monkeypatch.setattr(threading.Thread, "start", start)
+    with pytest.raises(KeyboardInterrupt if cause is KeyboardInterrupt else InputError, match="thread"):
+        clears()
+    assert clears()
+    assert clears()
+    del clears
+    gc.collect()
+    assert threading.active_count() == before
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_team_that_was_never_whole_ends(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(VARIABLE, way)
+    real, starts = threading.Thread.start, []
+
+    def start(thread: threading.Thread) -> None:
+        starts.append(thread)
+        if len(starts) > 1:
+            raise RuntimeError("can't start new thread")
+        real(thread)
+
+    gc.collect()
+    before = threading.active_count()
+    clears = clearing(3)
+    monkeypatch.setattr(threading.Thread, "start", start)
+    with pytest.raises(InputError, match=r"threads: the system starts no more than 2 of 3.*ask for fewer"):
+        clears()
+    del clears
+    gc.collect()
+    assert threading.active_count() == before
+
+
+@pytest.mark.parametrize(
+    ("system", "machine", "way"),
+    [
+        ("linux", "x86_64", "futex"),
+        ("linux", "aarch64", "futex"),
+        ("linux", "riscv64", "locks"),
+        ("darwin", "arm64", "locks"),
+        ("win32", "AMD64", "locks"),
+    ],
+)
+def test_the_way_of_each_system(system: str, machine: str, way: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(VARIABLE, raising=False)
+    monkeypatch.setattr(sys, "platform", system)
+    monkeypatch.setattr(platform, "machine", lambda: machine)
+    assert waking_way() == way
+    monkeypatch.setenv(VARIABLE, "locks")
+    assert waking_way() == "locks"
+    monkeypatch.setenv(VARIABLE, "signals")
+    with pytest.raises(InputError, match=rf"{VARIABLE}: must be .*locks.*, not 'signals'"):
+        Parallel("cpu", 2)
+
+
+def test_the_numbers_of_system_calls() -> None:
+    """Those of the architectures' tables in the kernel's sources: asm/unistd_64.h and asm-generic/unistd.h."""
+    assert FUTEX == {"x86_64": 202, "aarch64": 98}
