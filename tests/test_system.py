@@ -1,4 +1,4 @@
-"""What depends on the operating system, and what stands in for it elsewhere."""
+"""The functions that depend on the operating system, and their fallbacks on others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What depends on the operating system; nothing else asks which one it is, but `engine.waking`.
+"""The operating system: only this file and `engine.waking` ask which one it is.
 
 Each function has a fallback for systems without what it uses.
 """

@@ -72,7 +72,7 @@ def test_every_way_gives_the_same_bits(energy: str, monkeypatch: pytest.MonkeyPa
 def test_a_start_that_is_cut_off_goes_on_with_the_next_launch(
     way: str, started: bool, number: int, cause: type[BaseException], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It left a team that waited for ever for threads that were never started."""
+    """It left a team that never stopped waiting for threads that were not started."""
     monkeypatch.setenv(VARIABLE, way)
     real, starts = threading.Thread.start, []
 

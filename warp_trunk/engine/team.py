@@ -56,7 +56,7 @@ class Team:
         self._process = 0
         """The process whose threads they are, 0 for none."""
         self._unserved: list[_Call] = []
-        """What serves the ranges for which no thread runs yet; each thread takes one."""
+        """Calls that serve the ranges for which no thread runs yet; each thread takes one."""
         self._threads: list[threading.Thread] = []
 
     def program(self, steps: Sequence[Step]) -> Callable[[], None]:
@@ -119,7 +119,7 @@ class Team:
                 ) from error
 
     def _prepare(self) -> None:
-        """What serves each range but the first, and what ends the threads with the team."""
+        """Makes the calls that serve the ranges but the first, and those that end their threads with the team."""
         if self._process:
             raise InputError(
                 "threads: this process was forked from one whose threads relax tissue, and has none of them; "
