@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from support.continuum import Continuum
 from support.meshes import block, block_with_bone, grid, rotate, rotation, single_tet, trunk
 from support.models import held_turned, increments, model_of, relax
 from support.reference import Reference, volumes
+from warp_trunk.engine.grids import lay_grids
 from warp_trunk.engine.newton import Relaxer
 from warp_trunk.engine.relaxation import Relaxation, RelaxOptions, RelaxStatus
 from warp_trunk.engine.tissue import Tissue
@@ -300,3 +302,33 @@ def test_claims_of_random_motions_are_true(seed: int) -> None:
 def test_unit_and_origin_change_nothing_else(scale: float, away: float, bound: float) -> None:
     here, there = turned_block().end()[1], turned_block(scale, away=away).end()[1] / scale
     assert np.linalg.norm(here - there, axis=1).max() < bound
+
+
+def test_grids_of_pieces_far_apart_have_no_vertices_between_them() -> None:
+    """Those 17 m apart did not fit into the memory. Trilinear weights give linear functions."""
+    one = block()
+    points = np.vstack([one.nodes, one.nodes + 1e6])
+    grids, to_points = lay_grids(points)
+    assert max(each.number.size for each in grids) < 1000
+    between = [coarse.interpolate(fine.positions) for fine, coarse in pairwise(grids)]
+    targets = [points] * len(grids) + [fine.positions for fine in grids[:-1]]
+    for coarse, onto, target in zip([*grids, *grids[1:]], [*to_points, *between], targets, strict=True):
+        whole = onto.weight.sum(axis=1) > 1.0 - 1e-9  # no vertex of their cells is left out
+        assert np.ptp(target[whole][:, 0]) > 1e5
+        found = np.einsum("pc,pcd->pd", onto.weight, coarse.positions[onto.vertex])
+        np.testing.assert_allclose(found[whole], target[whole], atol=1e-5)
+
+
+@pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
+@pytest.mark.parametrize("method", ["newton", "gradient"])
+def test_under_gravity_it_does_not_matter_how_high_the_trunk_is(energy: str, method: str) -> None:
+    """Along the gradient it ended at once: the energy of the whole height hid what a step changes."""
+    low, ends = block(), []
+    for height in (0.0, 1e8):
+        high = replace(low, nodes=low.nodes + np.array([0.0, 0.0, height]))
+        model = model_of(high, energy=energy, gravity=9.81, precision="float32")
+        ends.append(increments(model, held_turned(low, 10.0), tolerance=1e-3, method=method)[-1])
+    first, second = (end.relaxation.energy.total for end in ends)
+    assert second == pytest.approx(first, rel=1e-2)
+    if method == "newton":
+        np.testing.assert_allclose(ends[1].displacement, ends[0].displacement, atol=1e-4)

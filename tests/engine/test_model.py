@@ -35,13 +35,40 @@ def two_blocks(bone_on_second: int) -> TrunkMesh:
     return trunk(nodes, np.vstack([first.tets, first.tets + len(first.nodes)]), prescribed)
 
 
+def parts_of(mesh: TrunkMesh, first: float) -> TrunkMesh:
+    """Half of each tetrahedron is of a second tissue, and this part of the first one is of the first."""
+    parts = np.full((len(mesh.tets), 2), 0.5)
+    parts[0, 0] = first
+    return replace(mesh, tissue=parts)
+
+
 BLOCK = block((2, 2, 2))
+TWO = (Tissue(), Tissue(youngs_modulus=20.0))
 BAD: dict[str, tuple[TrunkMesh, dict[str, Any], str]] = {
-    "no tetrahedron": (replace(BLOCK, tets=BLOCK.tets[:0]), {}, "no tetrahedron"),
+    "no tetrahedron": (replace(BLOCK, tets=BLOCK.tets[:0]), {}, "no tetrahedra"),
     "NaN": (with_nodes(BLOCK, 7, [0.0, np.nan, 0.0]), {}, "node 7"),
     "infinite": (with_nodes(BLOCK, 7, [np.inf, 0.0, 0.0]), {}, "node 7"),
     "inverted at rest": (replace(BLOCK, tets=BLOCK.tets[:, [1, 0, 2, 3]]), {}, "volume"),
     "flat at rest": (with_nodes(single_tet(), 3, [3.0, 3.0, 0.0]), {}, "volume"),
+    "a tetrahedron of fewer corners": (replace(BLOCK, tets=BLOCK.tets[:, :3]), {}, "'tets' must have shape"),
+    "corners that are no numbers of nodes": (replace(BLOCK, tets=BLOCK.tets + 60), {}, "'tets' must lie"),
+    "a corner below 0": (replace(BLOCK, tets=BLOCK.tets - 1), {}, "'tets' must lie"),
+    "corners of fractions": (replace(BLOCK, tets=BLOCK.tets.astype(float)), {}, "'tets' must be of whole numbers"),
+    "bones of other nodes": (replace(BLOCK, bone=BLOCK.bone[:-1]), {}, "'bone' must have shape"),
+    "skin of other nodes": (
+        replace(with_skin(BLOCK), skin_faces=with_skin(BLOCK).skin_faces + 9),
+        {"skin_rigidity": 1.0},
+        "'skin_faces' must lie",
+    ),
+    "labels of other tetrahedra": (
+        replace(BLOCK, tissue=np.zeros(3, np.int8)),
+        {"tissue": TWO},
+        "one whole number",
+    ),
+    "labels of fractions": (replace(BLOCK, tissue=np.zeros(len(BLOCK.tets))), {"tissue": TWO}, "one whole number"),
+    "parts that are not finite": (parts_of(BLOCK, np.nan), {"tissue": TWO}, "parts of 'tissue'"),
+    "parts below 0": (parts_of(BLOCK, -0.5), {"tissue": TWO}, "parts of 'tissue'"),
+    "parts of less than a whole": (parts_of(BLOCK, 0.0), {"tissue": TWO}, "parts of 'tissue'"),
     "no bone": (replace(BLOCK, bone=np.full_like(BLOCK.bone, -1)), {}, "no bone"),
     "held by two nodes": (single_tet((0, 1)), {}, "no bone"),
     "a loose piece": (two_blocks(0), {}, f"{len(BLOCK.nodes)} free nodes"),

@@ -95,7 +95,7 @@ class Continuum(Reference):
         return {
             "shape": float(self.rest_volumes @ shape),
             "volume": float(self.rest_volumes @ volume),
-            "gravity": float(self.node_weight @ (self.trunk.nodes + displacement)[:, 2]),
+            "gravity": float(self.node_weight @ self.heights(displacement)),
         }
 
     def gradient(self, displacement: np.ndarray) -> np.ndarray:

@@ -50,6 +50,10 @@ class Reference:
         self.rest_volumes = volumes(rest, self.tets)
         self.node_weight = self.gravity_of_nodes(gravity)
 
+    def heights(self, displacement: np.ndarray) -> np.ndarray:
+        """Of the nodes above the lowest one at rest [mm], shape (nodes,)."""
+        return (self.trunk.nodes + displacement)[:, 2] - self.trunk.nodes[:, 2].min()
+
     def gravity_of_nodes(self, gravity: float) -> np.ndarray:
         """Gravity energy of each node for each mm of height, in units of k_D / 2: m g / (k_D / 2), in SI units.
 
@@ -81,7 +85,7 @@ class Reference:
             "area": self.tissue.epsilon * float(((self.areas(points) / self.rest_areas - 1.0) ** 2).sum()),
             "volume": self.tissue.theta
             * float(((volumes(points, self.tets) / self.rest_volumes - 1.0) ** 2).sum()),
-            "gravity": float(self.node_weight @ points[:, 2]),
+            "gravity": float(self.node_weight @ self.heights(displacement)),
         }
 
     def energy(self, displacement: np.ndarray) -> float:

@@ -52,8 +52,8 @@ def build_model(
         threads: CPU threads; 0 is all cores.
 
     Raises:
-        InputError: an argument out of its range, no tetrahedron, a tetrahedron without volume at rest or of a
-            tissue that is not given, or a piece of free tissue that no bone holds.
+        InputError: an argument out of its range, a mesh whose parts do not fit together, a tetrahedron without
+            volume at rest or of a tissue that is not given, or a piece of free tissue that no bone holds.
     """
     tissues = (tissue or Tissue(),) if isinstance(tissue, Tissue | None) else tuple(tissue)
     check_arguments(energy, weights, precision, skin_rigidity, gravity, alpha)

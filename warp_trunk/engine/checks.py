@@ -13,7 +13,7 @@ from .energies.by_name import EnergyName, WeightsName
 from .rest_mesh import PRECISIONS
 from .tissue import Tissue
 from .topology import find_pieces
-from .trunk_mesh import TrunkMesh, tet_volumes
+from .trunk_mesh import TrunkMesh, check_trunk
 
 
 def check_arguments(
@@ -70,9 +70,7 @@ def check_tissues(trunk: TrunkMesh, tissues: tuple[Tissue, ...]) -> None:
 
 def check_mesh(trunk: TrunkMesh) -> None:
     """InputError where the trunk cannot be a rest state."""
-    if len(trunk.tets) == 0:
-        raise InputError("trunk: the mesh has no tetrahedron; give a mesh with soft tissue")
-    _check_volumes(trunk)
+    check_trunk(trunk, "trunk")
     check_held(trunk)
 
 
@@ -82,20 +80,6 @@ def check_held(trunk: TrunkMesh) -> None:
         raise InputError(
             f"trunk: {loose} free nodes belong to tissue that no bone holds, so it could move rigidly; "
             "remove that piece or mark nodes of it as bone"
-        )
-
-
-def _check_volumes(trunk: TrunkMesh) -> None:
-    """InputError where a node is not finite or a tetrahedron has no volume."""
-    if not np.isfinite(trunk.nodes).all():
-        node = int(np.flatnonzero(~np.isfinite(trunk.nodes).all(axis=1))[0])
-        raise InputError(f"trunk: node {node} is not finite ({trunk.nodes[node]}); mesh the trunk again")
-    volume = tet_volumes(trunk.nodes, trunk.tets)
-    worst = int(np.argmin(volume))
-    if volume[worst] <= 0.0:
-        raise InputError(
-            f"trunk: tetrahedron {worst} has volume {volume[worst]:.3g} mm^3 at rest; "
-            "every one needs a positive volume (check the order of its corners)"
         )
 
 

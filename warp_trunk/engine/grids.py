@@ -28,8 +28,10 @@ class CoarseGrid:
     """Vertex (0, 0, 0) [mm], shape (3,)."""
     spacing: float
     """Edge of a cell [mm]."""
+    rank: tuple[np.ndarray, ...]
+    """Place of each plane of the grid, along x, y and z, in the box of the planes beside points."""
     number: np.ndarray
-    """Number of each vertex of the grid's box, -1 where left out, shape (nx, ny, nz)."""
+    """Number of each vertex of that box, -1 where left out, shape (nx, ny, nz)."""
     positions: np.ndarray
     """Where the numbered vertices are [mm], shape (vertices, 3)."""
 
@@ -37,9 +39,10 @@ class CoarseGrid:
     def around(cls, points: np.ndarray, origin: np.ndarray, spacing: float) -> tuple[CoarseGrid, Interpolation]:
         """The grid over points (points, 3), none of them below the origin [mm], and its interpolation to them."""
         cell, weight = weights(points, origin, spacing)
-        size = cell.max(axis=1) + 2
+        rank = tuple(map(ranks, cell))
+        size = np.array([along[-1] + 1 for along in rank])
         support = np.zeros(size.prod())
-        vertex = _corners(cell, size)
+        vertex = _corners(_placed(cell, rank), size)
         for own, part in zip(vertex, weight, strict=True):
             support += np.bincount(own, part**2, minlength=len(support))
         kept = (support >= min(LEAST_SUPPORT, support.max())).reshape(size)
@@ -48,14 +51,15 @@ class CoarseGrid:
         place[:, axes] = np.argwhere(kept.transpose(axes))
         number = np.full(size, -1, dtype=np.int32)
         number[tuple(place.T)] = np.arange(len(place))
-        grid = cls(origin, spacing, number, origin + spacing * place)
+        planes = [np.searchsorted(along, at) for along, at in zip(rank, place.T, strict=True)]
+        grid = cls(origin, spacing, rank, number, origin + spacing * np.transpose(planes))
         return grid, grid._between(vertex, weight)
 
     def interpolate(self, points: np.ndarray) -> Interpolation:
         """Weights of the grid's vertices at points inside its cells [mm], shape (points, 3)."""
-        size = np.array(self.number.shape)
-        cell, weight = weights(points, self.origin, self.spacing, size - 2)
-        return self._between(_corners(cell, size), weight)
+        last_cell = np.array([len(along) - 2 for along in self.rank])
+        cell, weight = weights(points, self.origin, self.spacing, last_cell)
+        return self._between(_corners(_placed(cell, self.rank), np.array(self.number.shape)), weight)
 
     def _between(self, corner: np.ndarray, weight: np.ndarray) -> Interpolation:
         """The interpolation by corners in the grid's box and their weights, both of shape (8, points)."""
@@ -142,6 +146,21 @@ def weights(
     return cell, np.stack([x[i] * y[j] * z[k] for i, j, k in OFFSETS])
 
 
+def ranks(cell: np.ndarray) -> np.ndarray:
+    """The place of each plane of a grid, along one axis, among those beside the cells (points,) that hold points.
+
+    Between pieces of tissue far apart there are none: the box of all planes would be too large for the memory."""
+    beside = np.zeros(int(cell.max()) + 2, dtype=bool)
+    beside[cell] = True
+    beside[1:] |= beside[:-1]
+    return np.cumsum(beside) - 1
+
+
+def _placed(cell: np.ndarray, rank: tuple[np.ndarray, ...]) -> np.ndarray:
+    """Cells (3, cells) of a grid in the box of its planes beside points."""
+    return np.stack([along[at] for along, at in zip(rank, cell, strict=True)])
+
+
 def _corners(cell: np.ndarray, size: np.ndarray) -> np.ndarray:
     """The corners of cells (3, cells) in the box of a grid, in C order, shape (8, cells)."""
     strides = np.array([size[1] * size[2], size[2], 1])
@@ -166,7 +185,8 @@ def find_spacings(points: np.ndarray) -> list[float]:
 def occupied_cells(along: np.ndarray, spacing: float) -> int:
     """Number of cells of a regular grid that hold a point, by its distance along each axis, (3, points)."""
     cells = (along / spacing).astype(np.int64)
-    size = cells.max(axis=1) + 1
-    occupied = np.zeros(size.prod(), dtype=bool)
-    occupied[(cells[0] * size[1] + cells[1]) * size[2] + cells[2]] = True
+    x, y, z = map(ranks, cells)
+    rows, size = y[-1] + 1, z[-1] + 1
+    occupied = np.zeros((x[-1] + 1) * rows * size, dtype=bool)
+    occupied[(x * rows * size)[cells[0]] + (y * size)[cells[1]] + z[cells[2]]] = True
     return int(np.count_nonzero(occupied))

@@ -57,7 +57,8 @@ class Energy:
     terms: dict[str, float]
     """By name, those that the scene uses. itmsm, eq. 4.6 of [2], has `distance` (edges), `area` (faces, with
     epsilon) and `volume` (with theta), the neo-Hookean energy `volume` (lambda / 2 (J - 1)^2) and `shape` (the
-    terms in mu); both have `gravity`, with the sign of physics, and `bending` of the skin."""
+    terms in mu); both have `gravity`, of heights above the lowest node at rest, with the sign of physics, and
+    `bending` of the skin."""
 
     @property
     def total(self) -> float:

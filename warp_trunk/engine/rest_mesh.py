@@ -62,10 +62,12 @@ class RestMesh:
         return constants[self.label] if self.label.ndim == 1 else self.label @ constants
 
     def height_energy(self, weight: np.ndarray) -> float:
-        """The gravity term at rest, of a weight per mm^3 and mm of a corner, shape (tets,)."""
-        if not weight.any():
-            return 0.0
-        height = sum(self.nodes[:, 2].take(corner) for corner in self.corners.T)
+        """The gravity term at rest, of a weight per mm^3 and mm of a corner, shape (tets,).
+
+        Heights are above the lowest node: the term rounds what the energy of a step can show.
+        """
+        above = self.nodes[:, 2] - self.nodes[:, 2].min()
+        height = sum(above.take(corner) for corner in self.corners.T)
         return float((weight * self.volume * height).sum())
 
     def upload(self, values: np.ndarray, dtype: Any) -> wp.array:

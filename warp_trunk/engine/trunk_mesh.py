@@ -38,7 +38,7 @@ class TrunkMesh:
 
 
 def check_trunk(trunk: TrunkMesh, name: str) -> None:
-    """Check that the parts of a mesh fit together and that every tetrahedron has a positive volume.
+    """Checks that the parts of a mesh fit together and that every tetrahedron has a positive volume.
 
     Raises InputError whose text starts with `name`.
     """
@@ -54,8 +54,11 @@ def check_trunk(trunk: TrunkMesh, name: str) -> None:
     for field, array, shape in shapes:
         if array.shape != shape:
             raise InputError(f"{name}: '{field}' must have shape {shape}, not {array.shape}; mesh again")
-    if not np.isfinite(trunk.nodes).all():
-        raise InputError(f"{name}: every node must have a finite position; mesh again")
+    if len(trunk.tets) == 0:
+        raise InputError(f"{name}: there are no tetrahedra; give a mesh with soft tissue")
+    if not (finite := np.isfinite(trunk.nodes).all(axis=1)).all():
+        node = int(np.argmin(finite))
+        raise InputError(f"{name}: node {node} is not finite ({trunk.nodes[node]}); mesh again")
     if trunk.tissue is not None:
         check_tissue(trunk.tissue, len(trunk.tets), name)
     ranges = (
@@ -66,19 +69,20 @@ def check_trunk(trunk: TrunkMesh, name: str) -> None:
         ("bone_faces", trunk.bone_faces, 0, count),
     )
     for field, array, least, end in ranges:
+        if array.size and not np.issubdtype(array.dtype, np.integer):
+            raise InputError(f"{name}: '{field}' must be of whole numbers, not {array.dtype}; mesh again")
         if array.size and (array.min() < least or array.max() >= end):
             raise InputError(
                 f"{name}: '{field}' must lie from {least} to {end - 1}, but has {array.min()} to "
                 f"{array.max()}; mesh again"
             )
-    if len(trunk.tets) == 0:
-        raise InputError(f"{name}: there are no tetrahedra; mesh again")
     if len(np.unique(trunk.skin_nodes)) < len(trunk.skin_nodes) or (trunk.bone[trunk.skin_nodes] >= 0).any():
         raise InputError(f"{name}: each skin vertex needs a node of its own that is not on bone; mesh again")
-    least = tet_volumes(trunk.nodes, trunk.tets).min()
-    if not least > 0.0:
+    volume = tet_volumes(trunk.nodes, trunk.tets)
+    if not volume.min() > 0.0:
         raise InputError(
-            f"{name}: every tetrahedron must have a positive volume, but one has {least:g} mm3; mesh again"
+            f"{name}: every tetrahedron must have a positive volume, but tetrahedron {np.argmin(volume)} has "
+            f"{volume.min():g} mm^3; check the order of its corners, or mesh again"
         )
 
 
