@@ -38,11 +38,11 @@ class Dots:
 
 
 KEEP_PRODUCT = f"""
-    dots.products.data[(long)dots.products.shape[1] * dots.iteration.data[0] + {PADDING} * slab] += product;
+    dots.products.data[(wp::int64)dots.products.shape[1] * dots.iteration.data[0] + {PADDING} * slab] += product;
 """
 """Adds a range's part of a scalar product to the row of the iteration."""
 TOTAL = f"""
-    const auto total = [&](const auto& dots, long row) {{
+    const auto total = [&](const auto& dots, wp::int64 row) {{
         const int size = dots.products.shape[1];
         double sum = 0.0;  // always in this order, so that every thread finds the same bits
         #pragma unroll 1  // CUDA has one range

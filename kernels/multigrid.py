@@ -186,13 +186,13 @@ DENSE = """
     typedef wp::int16 shorts __attribute__((ext_vector_type(8), aligned(2)));
     typedef real eight __attribute__((ext_vector_type(8)));
     const wp::int32 size = inverse.shape[0] / scale.shape[0];  // rows and columns
-    const shorts* number = (const shorts*)inverse.data + 2 * (long)size * first;
+    const shorts* number = (const shorts*)inverse.data + 2 * (wp::int64)size * first;
     const real* s = scale.data;
     const real* x = (const real*)residual.data;
     real* y = (real*)solution.data;
-    const auto at = [&](long k) { return __builtin_convertvector(number[k], eight); };
+    const auto at = [&](wp::int64 k) { return __builtin_convertvector(number[k], eight); };
     // a strip of 16 rows: their sums stay in registers while the columns are read one after the other
-    for (wp::int32 b = first; b < end; ++b, number += 2 * (long)size) {
+    for (wp::int32 b = first; b < end; ++b, number += 2 * (wp::int64)size) {
         eight low = 0, high = 0;
         for (wp::int32 k = 0; k < size; ++k) {
             const real v = s[k] * x[k];

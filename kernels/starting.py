@@ -14,6 +14,8 @@ from pathlib import Path
 
 _LEAST_SPACE = 30_000_000
 """Free space that compiled kernels need [bytes]."""
+_ELF, _MACH_O = b"\x7fELF", b"\xcf\xfa\xed\xfe"
+"""How object files begin: on macOS the second, elsewhere the first."""
 
 
 @cache
@@ -55,16 +57,17 @@ def aside_of(cache: Path) -> str:
 def drop_damaged_kernels(cache: Path) -> None:
     """Remove compiled modules whose files are cut off, as by a full disk, so that they are compiled again.
 
-    Object files of processors and of CUDA are both ELF, whose header says where its last table ends. Another
-    process may be writing one: it compiles in a folder that its number ends, which is left alone.
+    Object files of processors and of CUDA are ELF, whose header says where its last table ends; those of macOS are
+    not checked. Another process may be writing one: it compiles in a folder that its number ends, which is left
+    alone.
     """
     folders = [folder for folder in cache.glob("wp_*") if not re.search(r"_p\d+_t\d+$", folder.name)]
     for path in (path for folder in folders for path in (*folder.glob("*.o"), *folder.glob("*.cubin"))):
         try:
             with path.open("rb") as file:
                 head = file.read(64)
-            whole = len(head) == 64 and head[:4] == b"\x7fELF"
-            if whole:
+            whole = len(head) == 64 and head[:4] in (_ELF, _MACH_O)
+            if whole and head[:4] == _ELF:
                 (table,), (size, count) = struct.unpack_from("<Q", head, 40), struct.unpack_from("<HH", head, 58)
                 whole = table + size * count <= path.stat().st_size
             if not whole:

@@ -188,9 +188,10 @@ BEGIN = f"""
     for (wp::int32 t = first; t < end; t += {LANES}) {{
         const int count = end - t < {LANES} ? end - t : {LANES};
         const auto window = [&](const auto* from, int of, auto* spare) {{
-            if (count == {LANES}) return from + (long)of * t;
+            if (count == {LANES}) return from + (wp::int64)of * t;
             for (int l = 0; l < {LANES}; ++l)
-                for (int k = 0; k < of; ++k) spare[of * l + k] = from[(long)of * (t + (l < count ? l : 0)) + k];
+                for (int k = 0; k < of; ++k)
+                    spare[of * l + k] = from[(wp::int64)of * (t + (l < count ? l : 0)) + k];
             return (decltype(from))spare;
         }};
         wp::int32 spare_corners[{4 * LANES}];
@@ -249,11 +250,11 @@ TRANSPOSE = f"""
 SCATTER_BLOCKS = f"""
         for (int l = 0; l < count; ++l) {{
             const real* ninth = (const real*)(kept[l] + {len(PAIRS)});
-            const wp::int32* to = (const wp::int32*)place_of.data + {len(PAIRS)} * (long)(t + l);
+            const wp::int32* to = (const wp::int32*)place_of.data + {len(PAIRS)} * (wp::int64)(t + l);
             for (int k = 0; k < {len(PAIRS)}; ++k) {{
                 const lanes own = kept[l][k];
                 const lanes transposed = __builtin_shufflevector(own, own, 0, 3, 6, 1, 4, 7, 2, 5);
-                real* block = out + 9 * (long)(to[k] / 2);
+                real* block = out + 9 * (wp::int64)(to[k] / 2);
                 *(run*)block += to[k] % 2 ? transposed : own;
                 block[8] += ninth[k];
             }}

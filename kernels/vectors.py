@@ -112,7 +112,7 @@ def slab_gatherer(scalar: type) -> wp.Kernel:
         """
     auto* __restrict__ total = values.data;
     for (int number = 1; number < slabs; ++number) {
-        const auto* __restrict__ part = values.data + (long)number * size;
+        const auto* __restrict__ part = values.data + (wp::int64)number * size;
         for (int k = first; k < end; ++k) total[k] += part[k];
     }
     """,

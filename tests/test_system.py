@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import math
 import os
+import signal
+import subprocess
 import sys
 from pathlib import Path
 
@@ -44,3 +47,94 @@ def test_the_quota_of_a_container(groups: str, files: dict[str, str], cores: flo
         (tmp_path / name).write_text(text + "\n")
     (tmp_path / "cgroup").write_text(groups + "\n")
     assert quota(tmp_path / "cgroup", tmp_path) == cores
+
+
+def test_memory_of_a_container(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = system.usable_memory()
+    assert 1e8 < whole < 1e14
+    limits = tmp_path / "memory.max", tmp_path / "missing"
+    monkeypatch.setattr(system, "_MEMORY_LIMITS", limits)
+    limits[0].write_text("max\n")
+    assert system.usable_memory() >= whole
+    limits[0].write_text("50000000\n")
+    assert system.usable_memory() == 5e7
+
+
+def test_peak_memory_grows_with_what_was_held() -> None:
+    code = """
+from warp_trunk.system import peak_memory
+before = peak_memory()
+held = b"1" * int(1e8)
+del held
+print(peak_memory() - before)
+"""
+    grown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert 90.0 < float(grown) < 110.0
+
+
+@pytest.mark.parametrize(
+    ("status", "words"),
+    [
+        (-9, "was ended by signal 9"),
+        (3, "ended with status 3"),
+        (0xC0000005, "was ended by exception 0xC0000005"),  # Windows: access to memory that is not its own
+    ],
+)
+def test_the_end_of_a_child(status: int, words: str) -> None:
+    assert system.ending_of(status) == words
+
+
+def test_a_real_child_is_ended_by_a_signal() -> None:
+    ended = subprocess.run([sys.executable, "-c", "import os; os.abort()"], check=False, stderr=subprocess.DEVNULL)
+    expected = f"signal {int(signal.SIGABRT)}" if os.name == "posix" else "status 3"
+    assert expected in system.ending_of(ended.returncode)
+
+
+def test_a_program_apart_has_another_session() -> None:
+    command = [sys.executable, "-c", "import os; print(os.getsid(0) if hasattr(os, 'getsid') else '')"]
+    session = subprocess.run(command, capture_output=True, text=True, check=True, **system.apart()).stdout
+    assert not hasattr(os, "getsid") or int(session) != os.getsid(0)
+
+
+SYSTEM_NAMES = {
+    "fcntl", "fork", "forkpty", "getpgid", "getppid", "getrusage", "killpg", "msvcrt", "pthread_kill", "pwd",
+    "resource", "sched_getaffinity", "sched_setaffinity", "setpgid", "setsid", "sysconf", "winreg", "SIGALRM",
+    "SIGKILL", "SIGTERM", "SIGHUP", "alarm", "setitimer", "geteuid", "getuid", "EX_IOERR", "start_new_session",
+    "preexec_fn", "creationflags", "CDLL", "WinDLL", "getlogin", "uname",
+}  # fmt: skip
+"""Modules, functions, signals and arguments that one system has and another lacks."""
+
+
+def named(tree: ast.AST) -> set[str]:
+    """The imports, attributes, keywords and names of a module, and the folders of the system in its texts."""
+    found: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found |= {node.module or "", *(alias.name for alias in node.names)}
+        elif isinstance(node, ast.Attribute):
+            found |= {node.attr, f"{getattr(node.value, 'id', '')}.{node.attr}"}
+        elif isinstance(node, ast.keyword | ast.Name):
+            found.add((node.arg if isinstance(node, ast.keyword) else node.id) or "")
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            found |= {folder for folder in ("/proc/", "/sys/", "/dev/") if node.value.startswith(folder)}
+    return found & (SYSTEM_NAMES | {"sys.platform", "os.name", "/proc/", "/sys/", "/dev/"})
+
+
+def test_one_file_knows_the_system() -> None:
+    """And the one that wakes threads."""
+    package = Path(system.__file__).parent
+    allowed = {package / "system.py", package / "engine" / "waking.py"}
+    files = [path for path in package.rglob("*.py") if path not in allowed]
+    files += Path(package.parent / "kernels").glob("*.py")
+    assert len(files) > 100
+    for path in files:
+        assert named(ast.parse(path.read_text(encoding="utf-8"))) == set(), path
+
+
+@pytest.mark.parametrize(
+    "code", ["import resource", "os.fork()", "sys.platform", "f(start_new_session=True)", "open('/proc/1/stat')"]
+)
+def test_a_name_of_one_system_is_found(code: str) -> None:
+    assert named(ast.parse(code))

@@ -5,11 +5,19 @@ Each function has a fallback for systems without what it uses.
 
 from __future__ import annotations
 
+import ctypes
 import math
 import os
+import signal
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
+DISK_FULL = 74
+"""The exit status of a child process that could not write its result: EX_IOERR, which Windows does not name."""
 GROUPS = Path("/proc/self/cgroup")
 """The control groups of this process."""
 ROOT = Path("/sys/fs/cgroup")
@@ -33,7 +41,7 @@ def quota(groups: Path, root: Path) -> float:
         root: where the groups are mounted; inside a container that is often the process's own group.
     """
     try:
-        lines = [line.split(":", 2) for line in groups.read_text().splitlines()]
+        lines = [line.split(":", 2) for line in groups.read_text(encoding="utf-8").splitlines()]
     except OSError:
         return math.inf
     least = math.inf
@@ -56,7 +64,108 @@ def quota(groups: Path, root: Path) -> float:
 def _quota_of(folder: Path, names: tuple[str, ...]) -> float:
     """The quota of one group, in cores."""
     try:
-        allowed, period = map(float, " ".join((folder / name).read_text() for name in names).split())
+        texts = [(folder / name).read_text(encoding="utf-8") for name in names]
+        allowed, period = map(float, " ".join(texts).split())
     except (OSError, ValueError):  # no such group, or `max`
         return math.inf
     return allowed / period if allowed > 0.0 and period > 0.0 else math.inf
+
+
+_MEMORY_LIMITS = ROOT / "memory.max", ROOT / "memory" / "memory.limit_in_bytes"
+"""Files with the limit of a container, of version 2 and 1."""
+
+
+def usable_memory() -> float:
+    """Memory of this machine, or of the container that it is [bytes]."""
+    import psutil
+
+    limits = [float(psutil.virtual_memory().total)]
+    for path in _MEMORY_LIMITS:
+        try:
+            limits.append(float(path.read_text(encoding="utf-8")))
+        except (OSError, ValueError):  # no such group, or `max`
+            continue
+    return min(limits)
+
+
+def peak_memory() -> float | None:
+    """Largest resident memory of this process or one of its children so far [MB]; on Windows without children."""
+    if sys.platform == "win32":
+        import psutil
+
+        return psutil.Process().memory_info().peak_wset / 1e6
+    import resource
+
+    unit = 1.0 if sys.platform == "darwin" else 1024.0
+    who = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    return max(resource.getrusage(w).ru_maxrss for w in who) * unit / 1e6
+
+
+_LIMIT = threading.Lock()
+
+
+@contextmanager
+def limited_memory(size: int) -> Iterator[None]:
+    """Lets a library that reads a file of `size` bytes have 2 GiB and 60 times that, then raises MemoryError.
+
+    Libraries make room for what a header says, which in a damaged file may be a thousand times the machine's
+    memory. Only Linux can report and enforce the limit; elsewhere nothing is limited.
+    """
+    if sys.platform != "linux":
+        yield
+        return
+    import resource
+
+    with _LIMIT:  # one at a time, so that each finds the limit as it was
+        soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+        pages = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[0])
+        most = pages * resource.getpagesize() + 2**31 + 60 * size
+        resource.setrlimit(resource.RLIMIT_AS, (most if soft == resource.RLIM_INFINITY else min(most, soft), hard))
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+
+
+def end_with_parent() -> None:
+    """Has Linux end this child process with its parent, however that ends; elsewhere it works to its end.
+
+    Raises:
+        SystemExit: the parent has ended already.
+    """
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+        if os.getppid() == 1:
+            sys.exit("the program that started it has ended")
+
+
+def ending_of(status: int) -> str:
+    """How a child process ended whose exit status is not 0, as the end of a sentence.
+
+    A signal has a negative number; on Windows an exception of the processor has the highest bits.
+    """
+    if status < 0:
+        return f"was ended by signal {-status}"
+    if status >= 0xC0000000:
+        return f"was ended by exception 0x{status:X}"
+    return f"ended with status {status}"
+
+
+def apart() -> dict[str, Any]:
+    """Arguments of `subprocess.Popen` for a program that Ctrl-C in this terminal does not end."""
+    if sys.platform == "win32":
+        import subprocess
+
+        return {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+    return {"start_new_session": True}
+
+
+@contextmanager
+def interrupted_when_ended() -> Iterator[None]:
+    """Has a request to end the program interrupt the block as Ctrl-C does: SIGTERM, and Ctrl-Break on Windows."""
+    number = signal.SIGBREAK if sys.platform == "win32" else signal.SIGTERM
+    before = signal.signal(number, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(number, before)

@@ -17,12 +17,13 @@ from support.meshes import rotation
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import atomic_write, named, partial
-from warp_trunk.io.file_access import check_within, is_plain, limited_memory, number, read_bytes, read_text
+from warp_trunk.io.file_access import check_within, is_plain, number, read_bytes, read_text
 from warp_trunk.io.folders import LOCK, locked, make_writable, removed_if_empty
 from warp_trunk.io.point_files import read_points
 from warp_trunk.io.surface_files import write_surface
 from warp_trunk.io.transform_file import read_transform
 from warp_trunk.meshing import tetrahedra
+from warp_trunk.system import limited_memory
 
 
 def test_text_comes_without_mark_and_with_one_kind_of_line_end(tmp_path):

@@ -94,7 +94,7 @@ def test_a_case_made_in_code_is_checked_like_one_that_is_read(tmp_path):
 
 
 def test_more_than_the_memory_is_refused_before_any_work(monkeypatch, refused, tmp_path):
-    monkeypatch.setattr(warnings, "memory_here", lambda: 4.5e9)
+    monkeypatch.setattr(warnings, "usable_memory", lambda: 4.5e9)
     refused(
         ["demo", "--tets", "5000000", "--out", tmp_path / "out"],
         "5000000 tetrahedra need about 5.5 GB of memory and 29 min",
@@ -106,10 +106,10 @@ def test_more_than_the_memory_is_refused_before_any_work(monkeypatch, refused, t
 
 def test_the_usual_number_says_nothing(monkeypatch):
     assert warnings.check_size(225_000) is None
-    monkeypatch.setattr(warnings, "memory_here", lambda: 0.7e9)
+    monkeypatch.setattr(warnings, "usable_memory", lambda: 0.7e9)
     with pytest.raises(InputError, match="ask for 200000"):
         warnings.check_size(225_000)
 
 
 def test_memory_is_known_here():
-    assert 1e8 < warnings.memory_here() < 1e14
+    assert 1e8 < warnings.usable_memory() < 1e14

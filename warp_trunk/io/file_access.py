@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import sys
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from unicodedata import category
 
 from warp_trunk.errors import InputError
+from warp_trunk.system import limited_memory
 
 MOST_SURFACE = 2_000_000_000
 """No surface or mesh is larger than this [bytes]."""
 MOST_TEXT = 100_000_000
 """No table of landmarks or numbers is larger than this [bytes]."""
-
-_LIMIT = threading.Lock()
 
 
 def check_file(path: Path, expected: str, most: int = MOST_TEXT) -> int:
@@ -109,29 +106,6 @@ def number(text: str) -> float:
 def is_plain(name: str) -> bool:
     """Whether a name has no line breaks, control characters or halves of characters, so that files can hold it."""
     return not any(category(letter) in ("Cc", "Cs", "Zl", "Zp") for letter in name)
-
-
-@contextmanager
-def limited_memory(size: int) -> Iterator[None]:
-    """Lets a library that reads a file of `size` bytes have 2 GiB and 60 times that, then raises MemoryError.
-
-    Libraries make room for what a header says, which in a damaged file may be a thousand times the machine's
-    memory. Only Linux can report and enforce the limit; elsewhere nothing is limited.
-    """
-    if sys.platform != "linux":
-        yield
-        return
-    import resource
-
-    with _LIMIT:  # one at a time, so that each finds the limit as it was
-        soft, hard = resource.getrlimit(resource.RLIMIT_AS)
-        now = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        most = now + 2**31 + 60 * size
-        resource.setrlimit(resource.RLIMIT_AS, (most if soft == resource.RLIM_INFINITY else min(most, soft), hard))
-        try:
-            yield
-        finally:
-            resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
 @contextmanager

@@ -1,6 +1,5 @@
 """From a case folder to the page, until it is to end."""
 
-import signal
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
@@ -11,6 +10,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import patient_of
 from warp_trunk.run.progress import Progress
+from warp_trunk.system import interrupted_when_ended
 
 PACKAGES = ("threadpoolctl", "viser")
 """The packages of the extra `live`."""
@@ -61,14 +61,10 @@ def plan_live(
     patient = patient_of(case, options, progress=progress)
     with progress.stage("compile", "preparing the relaxation"):
         _ = patient.relaxer
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        with Page(patient, sliders, folder, port) as page, suppress(KeyboardInterrupt):
-            progress.message(f"Plan at {page.server.address} on this machine; Ctrl-C or its button ends it")
-            while not page.stopped.wait(0.2):  # a signal that another thread got is handled between two waits
-                pass
-    finally:
-        signal.signal(signal.SIGTERM, before)
+    with interrupted_when_ended(), Page(patient, sliders, folder, port) as page, suppress(KeyboardInterrupt):
+        progress.message(f"Plan at {page.server.address} on this machine; Ctrl-C or its button ends it")
+        while not page.stopped.wait(0.2):  # a signal that another thread got is handled between two waits
+            pass
     for name in page.kept.views:
         if name not in page.kept.earlier:
             progress.message(f"Kept: {folder / name}")

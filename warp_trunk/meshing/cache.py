@@ -14,7 +14,7 @@ import platformdirs
 
 from warp_trunk.engine.trunk_mesh import TrunkMesh, check_trunk
 from warp_trunk.geometry.surface import Surface, digest, surface_digest
-from warp_trunk.io.file_access import limited_memory
+from warp_trunk.system import limited_memory
 
 FORMAT = 5
 """Raised whenever the same input would give another mesh or another file, so that old files are not used."""

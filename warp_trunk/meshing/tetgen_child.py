@@ -1,24 +1,20 @@
 """One run of TetGen, in a process of its own: what kills it does not take the program along.
 
-Run as a script, `python tetgen_child.py IN.npz OUT.npz`; it imports nothing of this package, so that it starts
-fast, and no main module again, so that scripts without a guard, notebooks and `python -c` can mesh.
+Run as a script, `python tetgen_child.py IN.npz OUT.npz`; it imports nothing heavy, so that it starts fast, and no
+main module again, so that scripts without a guard, notebooks and `python -c` can mesh.
 """
 
-import ctypes
-import os
-import signal
 import sys
 
 import numpy as np
 import tetgen
 
+from warp_trunk.system import DISK_FULL, end_with_parent
+
 
 def main() -> None:
     """Reads surfaces, holes and bounds, and writes nodes and tetrahedra; a refusal goes to standard error."""
-    if sys.platform == "linux":  # it ends with its parent, however that ends: PR_SET_PDEATHSIG is 1
-        ctypes.CDLL(None).prctl(1, signal.SIGKILL)
-        if os.getppid() == 1:  # which has ended already
-            sys.exit("the program that started it has ended")
+    end_with_parent()
     given = np.load(sys.argv[1], allow_pickle=False)
     mesher = tetgen.TetGen(given["vertices"], given["faces"])
     for point in given["holes"]:
@@ -41,7 +37,7 @@ def main() -> None:
     try:
         np.savez(sys.argv[2], nodes=nodes, tets=tets.astype(np.int32))
     except OSError:  # the disk is full
-        sys.exit(os.EX_IOERR)
+        sys.exit(DISK_FULL)
 
 
 if __name__ == "__main__":

@@ -24,6 +24,7 @@ from warp_trunk.geometry.surface import Surface, area_vectors, compact, unit
 from warp_trunk.geometry.surface_checks import CrossingError, components, crossings, enclosed_volume, place_of
 from warp_trunk.io.atomic_write import named
 from warp_trunk.kernels.tet_quality import mean_ratios, move_nodes
+from warp_trunk.system import DISK_FULL, ending_of
 
 CHILD = Path(__file__).with_name("tetgen_child.py")
 """The script that runs TetGen once."""
@@ -212,13 +213,11 @@ def run_tetgen(**given: Any) -> tuple[np.ndarray, np.ndarray]:
             np.savez(source, **given)
         command = [sys.executable, "-P", str(CHILD), str(source), str(result)]
         ended = subprocess.run(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False)
-        if ended.returncode < 0:
-            raise RuntimeError(f"its process was ended by signal {-ended.returncode}")
-        if ended.returncode == os.EX_IOERR:
+        if ended.returncode == DISK_FULL:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(result))
         if ended.returncode or not result.is_file():
-            told = ended.stderr.decode(errors="replace").strip().splitlines()
-            raise RuntimeError(told[-1] if told else f"its process ended with status {ended.returncode}")
+            refusal = ended.stderr.decode(errors="replace").strip().splitlines() if ended.returncode == 1 else []
+            raise RuntimeError(refusal[-1] if refusal else f"its process {ending_of(ended.returncode)}")
         with np.load(result, allow_pickle=False) as made:
             return made["nodes"], made["tets"]
 

@@ -16,6 +16,7 @@ from warp_trunk.case.folders import other_kind
 from warp_trunk.errors import InputError, as_path
 from warp_trunk.io.atomic_write import partial
 from warp_trunk.io.result_files import RECORDING, SUMMARY
+from warp_trunk.system import apart
 
 if TYPE_CHECKING:
     from http.server import ThreadingHTTPServer
@@ -119,10 +120,10 @@ def viewer_environment() -> dict[str, str]:
 
 
 def _started(*arguments: str, output: Any = subprocess.DEVNULL) -> subprocess.Popen[bytes]:
-    """A viewer in a session of its own."""
+    """A viewer that outlives this program."""
     return subprocess.Popen(
         viewer_command(*arguments), stdin=subprocess.DEVNULL, stdout=output, stderr=output,
-        env=viewer_environment(), start_new_session=True,
+        env=viewer_environment(), **apart(),
     )  # fmt: skip
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +18,7 @@ from warp_trunk.measures.part import chest_indices, follow_points, is_of_chest
 from warp_trunk.measures.quantities import ACTUAL, BEFORE, PREDICTED, MeasureTable, measured
 from warp_trunk.measures.skin_quality import SkinQuality, skin_quality
 from warp_trunk.meshing import predicted_skin
+from warp_trunk.system import peak_memory
 
 from .result import Result
 from .summary import IncrementSummary, SpringSummary, StepSummary, Summary, Terms, as_read, versions
@@ -172,17 +172,6 @@ def _chest(
     moved = {name: Surface(motion_of(name).apply(bone.vertices), bone.faces) for name, bone in bones.items()}
     after = chest_indices(skin, moved)
     return {name: (before[name], after[name]) for name in before if name in after}
-
-
-def peak_memory() -> float | None:
-    """Largest resident memory of this process or one of its children so far [MB]; None where not known."""
-    try:
-        import resource
-    except ImportError:  # Windows
-        return None
-    unit = 1.0 if sys.platform == "darwin" else 1024.0
-    who = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-    return max(resource.getrusage(w).ru_maxrss for w in who) * unit / 1e6
 
 
 def _increment(increment: Increment) -> IncrementSummary:
