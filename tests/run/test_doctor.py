@@ -54,14 +54,14 @@ def test_a_machine_without_display_and_browser_is_told_what_to_do(monkeypatch, t
     assert not found["browser"].needed
 
 
-def test_command_ends_with_status_1_only_where_something_needed_is_missing(tmp_path, capsys, request) -> None:
+def test_command_ends_with_status_3_only_where_something_needed_is_missing(tmp_path, capsys, request) -> None:
     assert main(["doctor", "--results", str(tmp_path)]) == 0
     said = capsys.readouterr().out
     assert said.rstrip().endswith("Ready.")
     assert "MISSING" not in said
     (tmp_path / "file").write_text("no folder")
     request.getfixturevalue("no_processes")
-    assert main(["doctor", "--results", str(tmp_path / "file" / "results")]) == 1
+    assert main(["doctor", "--results", str(tmp_path / "file" / "results")]) == 3
     lines = capsys.readouterr().out.splitlines()
     wrong = next(i for i, line in enumerate(lines) if line.startswith("MISSING"))
     assert lines[wrong + 1].strip().startswith("-> ")
