@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import combinations
 
@@ -183,6 +184,11 @@ def last_crossing(segments: np.ndarray, start: np.ndarray, direction: np.ndarray
     first, second = np.moveaxis(segments[crossed] - start, 1, 0)
     way = (first + (before / (before - after))[:, None] * (second - first)) @ direction
     return start + way.max() * direction
+
+
+def turn(a: np.ndarray, b: np.ndarray) -> float:
+    """Angle from a to b, counterclockwise [radians]."""
+    return math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1])
 
 
 def upper_hull(x: np.ndarray, y: np.ndarray) -> list[int]:

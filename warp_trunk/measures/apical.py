@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.case.anatomy import THORACIC
+from warp_trunk.geometry.section import turn
 
-from .back_rotation import turn
 from .spine import Spine, top_of_spine
 
 if TYPE_CHECKING:

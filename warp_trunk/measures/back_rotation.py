@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from warp_trunk.geometry.section import upper_hull
+from warp_trunk.geometry.section import turn, upper_hull
 
 from .outlines import outlines_of
 from .spine import Spine, asis_axis, spine_of
@@ -192,11 +192,6 @@ def contacts_beside(
         if abs(turned) < 1e-10:
             break
     return found
-
-
-def turn(a: np.ndarray, b: np.ndarray) -> float:
-    """Angle from a to b, counterclockwise [radians]."""
-    return math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1])
 
 
 def _back_of_hull(points: np.ndarray, across: np.ndarray) -> np.ndarray | None:

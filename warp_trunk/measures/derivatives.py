@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.geometry.section import at_height, section, trunk_loop
+from warp_trunk.geometry.section import at_height, section, trunk_loop, turn
 from warp_trunk.geometry.surface import Surface, compact
 
-from .back_rotation import DualTangent, contacts_beside, find_contacts, hump_height, hump_top, tangent_of, turn
+from .back_rotation import DualTangent, contacts_beside, find_contacts, hump_height, hump_top, tangent_of
 from .outlines import DEEP, shoulder_heights, upper_outline
 from .spine import asis_axis, spine_of
 
