@@ -33,13 +33,13 @@ from warp_trunk.engine.parallel import choose_threads
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.measures import TrunkMeasures, measure
-from warp_trunk.measures.cobb import curves_after, vertebral_tilt
 from warp_trunk.measures.skin_quality import skin_quality
-from warp_trunk.measures.spine import spine_of
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.preparation.deformity.published_curves import Kind
 from warp_trunk.run.patient import PreparedPatient, motions_of, patient_of
 from warp_trunk.run.prediction import prepare_plan
+from warp_trunk.spine.cobb import curves_after, vertebral_tilt
+from warp_trunk.spine.spine import spine_of
 
 LEVELS = ("T4", "T5", "T6", "T7", "T8", "T9", "T10", "T11", "T12", "L1", "L2", "L3", "L4")
 CURVES: dict[Kind, float] = {"thoracic": 50.0, "thoracolumbar": 50.0, "double_major": 60.0}

@@ -20,11 +20,11 @@ from trunks import read_trunk
 from warp_trunk import Case, CurvePlan, Landmarks, Plan, simulate
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.geometry.distance_field import SurfaceDistance
-from warp_trunk.measures import cobb_angles
 from warp_trunk.measures.quantities import BEFORE, PREDICTED
 from warp_trunk.preparation.back_scan import fit_back
 from warp_trunk.preparation.back_scan.scan import cut_back
 from warp_trunk.preparation.deformity import SpineCurve, make_case
+from warp_trunk.spine import cobb_angles
 
 CURVES = {
     "thoracic": (SpineCurve(cobb=50.0), ("T4", "L1")),

@@ -24,12 +24,12 @@ from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.io.point_files import read_points
 from warp_trunk.measures import measure_back
 from warp_trunk.measures.back import vertebrae_on_line
-from warp_trunk.measures.cobb import cobb_angles
 from warp_trunk.measures.markers import BackMarkers, back_markers
-from warp_trunk.measures.spine import spine_of
 from warp_trunk.preparation.deformity.deformity import impose
 from warp_trunk.preparation.deformity.spine_curve import MeasuredSpine, measured_spine
 from warp_trunk.preparation.landmark_finder import find_landmarks
+from warp_trunk.spine.cobb import cobb_angles
+from warp_trunk.spine.spine import spine_of
 
 LEVELS = ("T4", "T6", "T8", "T10", "T12", "L1", "L2", "L3", "L4")
 """Those whose errors are averaged."""

@@ -33,7 +33,7 @@ from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
 from warp_trunk.engine.simulation import Increment, SimulationOptions
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures import compare_skins, curves_after, measure
+from warp_trunk.measures import compare_skins, measure
 from warp_trunk.meshing import MeshOptions, predicted_skin
 from warp_trunk.preparation.deformity import SpineCurve, make_case
 from warp_trunk.preparation.landmark_finder import find_landmarks
@@ -41,6 +41,7 @@ from warp_trunk.run.intervals import find_bands
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import PreparedPatient, patient_of
 from warp_trunk.run.prediction import prepare_plan
+from warp_trunk.spine import curves_after
 
 ROOT = Path(__file__).parents[1]
 Trunk = tuple[Surface, dict[str, Surface]]

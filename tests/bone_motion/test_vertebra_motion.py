@@ -19,10 +19,10 @@ from warp_trunk.bone_motion.vertebra_smoothing import (
 )
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.rigid import RigidMotion, fit_rigid
-from warp_trunk.measures.cobb import cobb_angles
 from warp_trunk.preparation.deformity import SpineCurve, correct
 from warp_trunk.preparation.deformity.spine_curve import vertebra_poses
 from warp_trunk.preparation.phantom import straight_trunk
+from warp_trunk.spine.cobb import cobb_angles
 
 CENTRE = np.array([12.0, -30.0, 1200.0])
 AXIS = np.array([0.0, -0.4, 1.0])

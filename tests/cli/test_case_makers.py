@@ -13,8 +13,8 @@ from warp_trunk.case.landmarks import Landmarks, read_landmarks, write_landmarks
 from warp_trunk.cli import main
 from warp_trunk.cli.back import fused
 from warp_trunk.io.surface_files import read_surface, write_surface
-from warp_trunk.measures import CobbAngle
 from warp_trunk.preparation.phantom import straight_trunk
+from warp_trunk.spine import CobbAngle
 
 BONES = {
     name: bone for name, bone in spine_and_hips().items() if name in ("T5", "T6", "T7", "hip_left", "hip_right")

@@ -25,11 +25,11 @@ from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.io.surface_files import write_surface
-from warp_trunk.measures import cobb_angles
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.preparation.phantom import straight_trunk
 from warp_trunk.recording import viewer
 from warp_trunk.run.options import RunOptions
+from warp_trunk.spine import cobb_angles
 
 LOADED = """
 import sys

@@ -21,11 +21,12 @@ from warp_trunk.live.kept import KeptPlans
 from warp_trunk.live.number_table import numbers_html
 from warp_trunk.live.session import PlanView
 from warp_trunk.live.sliders import Controls, MotionSliders, SpineSliders, first_state, with_handles
-from warp_trunk.measures import cobb_angles, measure
-from warp_trunk.measures.apical import axial_rotation
+from warp_trunk.measures import measure
 from warp_trunk.measures.rows import number
-from warp_trunk.measures.spine import asis_axis, spine_of
 from warp_trunk.run.patient import motions_of
+from warp_trunk.spine import cobb_angles
+from warp_trunk.spine.apical import axial_rotation
+from warp_trunk.spine.spine import asis_axis, spine_of
 
 FILES = {"bones", "case.toml", "landmarks_after.csv", "landmarks_before.csv", "plan.json", "plan.toml", "skin.ply"}
 CASE = curved_case()

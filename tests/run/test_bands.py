@@ -18,10 +18,8 @@ from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.spline import spline_response
 from warp_trunk.geometry.surface import vertex_normals
-from warp_trunk.measures import cobb_angles, measure
-from warp_trunk.measures.cobb import curves_after, kyphosis
+from warp_trunk.measures import measure
 from warp_trunk.measures.quantities import MeasureTable
-from warp_trunk.measures.spine import spine_of
 from warp_trunk.preparation.deformity import SpineCurve, correct, impose
 from warp_trunk.preparation.phantom import straight_trunk
 from warp_trunk.results.bands import FoundBands
@@ -32,6 +30,9 @@ from warp_trunk.run.patient import motions_of
 from warp_trunk.run.prediction import Prediction, prepare, prepare_plan
 from warp_trunk.run.sensitivities import sensitivities
 from warp_trunk.run.sources import ErrorSource, rib_share_sources
+from warp_trunk.spine import cobb_angles
+from warp_trunk.spine.cobb import curves_after, kyphosis
+from warp_trunk.spine.spine import spine_of
 
 CASE, TRUNK = boned_case()
 CERTAIN = Uncertainty(**{one.name: float(one.name in FACTORS) for one in fields(Uncertainty)})

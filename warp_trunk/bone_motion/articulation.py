@@ -12,7 +12,7 @@ import numpy as np
 from warp_trunk.case.anatomy import THORACIC, is_known
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.rigid import NamedMotions, RigidMotion, rotated, smallest_turn
-from warp_trunk.measures.cobb import cobb_angles
+from warp_trunk.spine.cobb import cobb_angles
 
 from .rib_cage import follow
 from .skeleton import Link, Skeleton
@@ -22,7 +22,7 @@ from .vertebra_smoothing import vertebra_smoothing
 if TYPE_CHECKING:
     from warp_trunk.case.case import Pose
     from warp_trunk.case.rib_coupling import RibCoupling
-    from warp_trunk.measures.cobb import CobbAngle
+    from warp_trunk.spine.cobb import CobbAngle
 
     from .vertebra_smoothing import VertebraSmoothing
 

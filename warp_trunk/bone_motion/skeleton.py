@@ -13,8 +13,8 @@ from warp_trunk.case.anatomy import PELVIS, SIDES, VERTEBRAE, cartilage_of
 from warp_trunk.case.landmarks import NO_LANDMARKS, bone_of
 from warp_trunk.geometry.rigid import RigidMotion, nearest_rotation
 from warp_trunk.geometry.spline import SplineSums
-from warp_trunk.measures.cobb import cobb_angles
-from warp_trunk.measures.spine import ENDPLATES
+from warp_trunk.spine.cobb import cobb_angles
+from warp_trunk.spine.spine import ENDPLATES
 
 from .rib_cage import RibCage, ends
 from .vertebra_motion import CoupledTurns
@@ -23,7 +23,7 @@ from .vertebra_smoothing import Bodies, vertebra_rows, vertebrae_of
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
     from warp_trunk.geometry.surface import Surface
-    from warp_trunk.measures.cobb import CobbAngle
+    from warp_trunk.spine.cobb import CobbAngle
 
 _THICK = 1.0
 """Landmarks of a bone nearer than this to one line do not hold its turn about it [mm]."""

@@ -10,8 +10,8 @@ import numpy as np
 
 from warp_trunk.case.landmarks import ASIS, VERTEBRA_POINTS
 from warp_trunk.geometry.rigid import RigidMotion, rotated
-from warp_trunk.measures.cobb import CobbAngle, vertebral_tilt
-from warp_trunk.measures.spine import ENDPLATES
+from warp_trunk.spine.cobb import CobbAngle, vertebral_tilt
+from warp_trunk.spine.spine import ENDPLATES
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks

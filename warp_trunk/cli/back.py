@@ -16,13 +16,13 @@ from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.point_files import read_scan
 from warp_trunk.io.surface_files import read_surface
-from warp_trunk.measures import CobbAngle, cobb_angles
 from warp_trunk.measures.back import TURN
 from warp_trunk.preparation.back_scan.body import atlas_body, made_body
 from warp_trunk.preparation.back_scan.fit import FittedBack, fit_back
 from warp_trunk.preparation.back_scan.spine import TURN_SD
 from warp_trunk.preparation.deformity.patient_spine import read_patient_spine
 from warp_trunk.run.progress import Progress
+from warp_trunk.spine import CobbAngle, cobb_angles
 
 from .output import OK, next_command, read_bones
 

@@ -16,11 +16,11 @@ from warp_trunk.case import read_case, read_checked_case
 from warp_trunk.case.folders import refuse_case
 from warp_trunk.case.landmark_checks import check_motion
 from warp_trunk.errors import InputError
-from warp_trunk.measures import cobb_angles
 from warp_trunk.run.best_plan import best_plan, best_plan_text
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
+from warp_trunk.spine import cobb_angles
 
 from .output import NOT_CONVERGED, OK, next_command
 from .simulate import COMMON, crossings_written, report_ending

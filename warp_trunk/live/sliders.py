@@ -19,11 +19,11 @@ from warp_trunk.case import Case, write_case
 from warp_trunk.case.anatomy import rank
 from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks
 from warp_trunk.case.motions import Motion, Turn, check_motions, check_passing, rigid_motions
-from warp_trunk.measures import cobb_angles
-from warp_trunk.measures.apical import axial_rotation
-from warp_trunk.measures.cobb import kyphosis
-from warp_trunk.measures.spine import asis_axis, spine_of
 from warp_trunk.run.patient import motions_of
+from warp_trunk.spine import cobb_angles
+from warp_trunk.spine.apical import axial_rotation
+from warp_trunk.spine.cobb import kyphosis
+from warp_trunk.spine.spine import asis_axis, spine_of
 
 SliderState = Mapping[str, Any]
 """Where the controls of a patient stand: the value of each by its name."""

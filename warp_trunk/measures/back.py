@@ -12,12 +12,12 @@ from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.relief import relief, without_bumps
 from warp_trunk.geometry.section import last_crossing, pieces
+from warp_trunk.spine.spine import spine_of
 
 from .back_rotation import DualTangent, tangent_of
 from .markers import BackMarkers, back_markers
 from .quantities import Measured
 from .rows import as_text
-from .spine import spine_of
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks

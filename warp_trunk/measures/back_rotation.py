@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from warp_trunk.geometry.section import turn, upper_hull
+from warp_trunk.spine.spine import Spine, asis_axis, spine_of
 
 from .outlines import outlines_of
-from .spine import Spine, asis_axis, spine_of
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks

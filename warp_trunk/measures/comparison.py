@@ -13,10 +13,10 @@ import numpy as np
 from warp_trunk.case.anatomy import LUMBAR, THORACIC, VERTEBRAE
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface, corner_areas, unit, vertex_normals
+from warp_trunk.spine.spine import asis_axis, spine_of
 
 from .back_rotation import back_surface_rotation
 from .quantities import DETECTABLE, Measured
-from .spine import asis_axis, spine_of
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks

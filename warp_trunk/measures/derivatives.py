@@ -12,10 +12,10 @@ import numpy as np
 
 from warp_trunk.geometry.section import at_height, section, trunk_loop, turn
 from warp_trunk.geometry.surface import Surface, compact
+from warp_trunk.spine.spine import asis_axis, spine_of
 
 from .back_rotation import DualTangent, contacts_beside, find_contacts, hump_height, hump_top, tangent_of
 from .outlines import DEEP, shoulder_heights, upper_outline
-from .spine import asis_axis, spine_of
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks

@@ -10,13 +10,13 @@ import numpy as np
 
 from warp_trunk.case.anatomy import LUMBAR, THORACIC
 from warp_trunk.errors import InputError, expect
+from warp_trunk.spine.apical import ApicalVertebra, apical_vertebrae, axial_rotation
+from warp_trunk.spine.cobb import CobbAngle, SpineHeight, curves_of, kyphosis, lordosis, spine_height
+from warp_trunk.spine.spine import SacralLine, Spine, TrunkShift, sacral_line, spine_of, trunk_shift
 
-from .apical import ApicalVertebra, apical_vertebrae, axial_rotation
 from .back_rotation import DualTangent, hump_height, tangents_of
-from .cobb import CobbAngle, SpineHeight, curves_of, kyphosis, lordosis, spine_height
 from .outlines import FlankAsymmetry, Shoulders, Waist, flank_asymmetry, outlines_of, shoulder_heights, waist_of
 from .quantities import largest_at
-from .spine import SacralLine, Spine, TrunkShift, sacral_line, spine_of, trunk_shift
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks

@@ -9,8 +9,7 @@ import numpy as np
 
 from warp_trunk.geometry.section import SHOULDERS, own_part, sections, trunk_loop, upper_hull
 from warp_trunk.geometry.surface import directed_edges
-
-from .spine import SacralLine, Spine
+from warp_trunk.spine.spine import SacralLine, Spine
 
 if TYPE_CHECKING:
     from warp_trunk.geometry.surface import Surface

@@ -9,11 +9,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 from warp_trunk.case.anatomy import LUMBAR, THORACIC
-
-from .apical import apical_vertebrae
-from .cobb import angles_between
+from warp_trunk.spine.apical import apical_vertebrae
+from warp_trunk.spine.cobb import angles_between
 
 if TYPE_CHECKING:
+
     from .measures import TrunkMeasures
 
 DETECTABLE = 2.5

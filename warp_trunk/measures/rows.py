@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 from .quantities import BEFORE, DETECTABLE, PREDICTED, MeasureTable, Quantity, quantities_of
 
 if TYPE_CHECKING:
-    from .apical import ApicalVertebra
-    from .cobb import CobbAngle
+    from warp_trunk.spine.apical import ApicalVertebra
+    from warp_trunk.spine.cobb import CobbAngle
+
     from .comparison import SkinComparison
     from .measures import TrunkMeasures
 

@@ -11,8 +11,7 @@ import numpy as np
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface, area_vectors, directed_edges, unit
 from warp_trunk.geometry.surface_checks import linked_parts
-
-from .spine import asis_axis, spine_of
+from warp_trunk.spine.spine import asis_axis, spine_of
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks

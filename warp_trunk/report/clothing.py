@@ -15,7 +15,7 @@ import numpy as np
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.section import sections, trunk_loop
 from warp_trunk.geometry.surface import Surface, neighbour_means
-from warp_trunk.measures.spine import Spine, asis_axis, spine_of
+from warp_trunk.spine.spine import Spine, asis_axis, spine_of
 
 from .style import TrunkState, Worn
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface, area_vectors, unit, vertex_normals
-from warp_trunk.measures.spine import asis_axis
+from warp_trunk.spine.spine import asis_axis
 
 MARGIN = 10.0
 """Empty space around the trunk [mm]."""

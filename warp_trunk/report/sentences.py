@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from warp_trunk.bone_motion.plan import Plan, fused_levels
-from warp_trunk.measures import CobbAngle, SkinComparison
+from warp_trunk.measures import SkinComparison
 from warp_trunk.measures.quantities import BEFORE, DETECTABLE, PREDICTED, QUANTITIES, Measured, MeasureTable
+from warp_trunk.spine import CobbAngle
 
 if TYPE_CHECKING:
     from warp_trunk.results.bands import Bands

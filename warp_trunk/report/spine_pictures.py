@@ -10,7 +10,7 @@ from matplotlib.patches import Polygon
 
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import unit
-from warp_trunk.measures.spine import sacral_line, spine_of
+from warp_trunk.spine.spine import sacral_line, spine_of
 
 from .panels import Extent, panels
 from .relief import BEHIND, RIGHT, Viewpoint, seen_from

@@ -23,8 +23,8 @@ from .summary import read_summary
 if TYPE_CHECKING:
     from warp_trunk.case import Case
     from warp_trunk.geometry.surface import Surface
-    from warp_trunk.measures import CobbAngle
-    from warp_trunk.measures.apical import ApicalVertebra
+    from warp_trunk.spine import CobbAngle
+    from warp_trunk.spine.apical import ApicalVertebra
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

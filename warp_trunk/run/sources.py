@@ -17,9 +17,9 @@ from warp_trunk.bone_motion.prescribed_motion import rigid_displacement, spline_
 from warp_trunk.case.rib_coupling import RANGES
 from warp_trunk.case.uncertainty import FACTORS, REFERENCES
 from warp_trunk.engine.constants import value_of
-from warp_trunk.measures.apical import axial_rotation
-from warp_trunk.measures.cobb import CobbAngle, cobb_angles, curves_after
-from warp_trunk.measures.spine import asis_axis, spine_of
+from warp_trunk.spine.apical import axial_rotation
+from warp_trunk.spine.cobb import CobbAngle, cobb_angles, curves_after
+from warp_trunk.spine.spine import asis_axis, spine_of
 
 from .patient import layers_from, motions_of
 from .sensitivities import Sensitivity, constant_names

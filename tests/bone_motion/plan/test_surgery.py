@@ -23,9 +23,9 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.spline import fit_spline
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures import cobb_angles
 from warp_trunk.preparation.deformity import SpineCurve, correct
 from warp_trunk.preparation.phantom import straight_trunk
+from warp_trunk.spine import cobb_angles
 
 NOTHING = Surface(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
 

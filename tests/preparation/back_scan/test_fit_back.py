@@ -14,13 +14,13 @@ from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.surface import Surface, area_vectors, unit
 from warp_trunk.geometry.surface_checks import crossings
-from warp_trunk.measures import cobb_angles
 from warp_trunk.measures.back_rotation import back_surface_rotation
 from warp_trunk.preparation.back_scan import fit_back
 from warp_trunk.preparation.back_scan.body import made_body
 from warp_trunk.preparation.back_scan.scan import cut_back
 from warp_trunk.preparation.deformity import SpineCurve, impose
 from warp_trunk.preparation.deformity.patient_spine import spine_of_marks
+from warp_trunk.spine import cobb_angles
 
 ANGLE = np.radians(11.0)
 TURNED = np.array([[np.cos(ANGLE), -np.sin(ANGLE), 0.0], [np.sin(ANGLE), np.cos(ANGLE), 0.0], [0.0, 0.0, 1.0]])

@@ -10,11 +10,11 @@ import pytest
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks
 from warp_trunk.errors import InputError
-from warp_trunk.measures.cobb import kyphosis
-from warp_trunk.measures.spine import spine_of
 from warp_trunk.preparation.deformity import SpineCurve, correct, read_measured_spine
 from warp_trunk.preparation.deformity.spine_curve import vertebra_poses
 from warp_trunk.preparation.phantom import straight_trunk
+from warp_trunk.spine.cobb import kyphosis
+from warp_trunk.spine.spine import spine_of
 
 KINDS = ("thoracic", "thoracolumbar", "double_major")
 

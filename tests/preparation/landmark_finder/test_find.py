@@ -12,10 +12,10 @@ from warp_trunk import InputError, Landmarks, SpineCurve, Surface, find_landmark
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.landmarks import ASIS, VERTEBRA_POINTS, bone_of
 from warp_trunk.geometry.distance_field import SurfaceDistance
-from warp_trunk.measures.apical import axial_rotation
-from warp_trunk.measures.spine import asis_axis, spine_of
 from warp_trunk.preparation.deformity import correct
 from warp_trunk.preparation.deformity.spine_curve import VertebraPose, vertebra_poses
+from warp_trunk.spine.apical import axial_rotation
+from warp_trunk.spine.spine import asis_axis, spine_of
 
 SPINE = spine_and_hips()
 SOME = {name: SPINE[name] for name in ("hip_left", "hip_right", "T5", "T6", "T7", "T8", "T9")}

@@ -11,9 +11,9 @@ from warp_trunk.case.anatomy import rank
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.spline import fit_spline
-from warp_trunk.measures.apical import axial_rotation
-from warp_trunk.measures.cobb import CobbAngle, cobb_angles, curves_after, vertebral_tilt
-from warp_trunk.measures.spine import asis_axis, spine_of
+from warp_trunk.spine.apical import axial_rotation
+from warp_trunk.spine.cobb import CobbAngle, cobb_angles, curves_after, vertebral_tilt
+from warp_trunk.spine.spine import asis_axis, spine_of
 
 from .least_motion import least_motion, limits_of, segments
 from .spine_chain import Placed, spine_chain_of

@@ -11,7 +11,7 @@ import numpy as np
 
 from warp_trunk.case.anatomy import rank
 from warp_trunk.errors import InputError
-from warp_trunk.measures.spine import SacralLine, sacral_line, spine_of, top_of_spine
+from warp_trunk.spine.spine import SacralLine, sacral_line, spine_of, top_of_spine
 
 from ..vertebra_motion import attitudes
 

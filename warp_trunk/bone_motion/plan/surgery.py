@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from warp_trunk.case import Case
     from warp_trunk.case.landmarks import Landmarks
     from warp_trunk.measures import TrunkMeasures
-    from warp_trunk.measures.cobb import CobbAngle
+    from warp_trunk.spine.cobb import CobbAngle
 
     from .record import Plan
 

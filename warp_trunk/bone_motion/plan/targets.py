@@ -16,7 +16,7 @@ from warp_trunk.errors import InputError
 from .spine_chain import AXIAL, CORONAL, Placed
 
 if TYPE_CHECKING:
-    from warp_trunk.measures.cobb import CobbAngle
+    from warp_trunk.spine.cobb import CobbAngle
 
     from .record import CurvePlan, Plan
     from .spine_chain import SpineChain

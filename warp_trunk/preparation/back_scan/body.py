@@ -12,7 +12,7 @@ from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures.spine import asis_axis
+from warp_trunk.spine.spine import asis_axis
 
 from ..deformity.deformity import check_straight
 from ..deformity.spine_curve import endplates_of

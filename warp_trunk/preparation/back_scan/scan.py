@@ -13,7 +13,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.relief import in_cubes, without_bumps
 from warp_trunk.geometry.surface import area_vectors, unit
 from warp_trunk.geometry.surface_checks import linked_parts
-from warp_trunk.measures.spine import asis_axis
+from warp_trunk.spine.spine import asis_axis
 
 from ..deformity.patient_spine import PatientSpine, spine_line
 from ..deformity.spine_curve import endplates_of

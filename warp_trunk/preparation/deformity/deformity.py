@@ -18,7 +18,7 @@ from warp_trunk.geometry.spline import Spline, fit_spline
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.measures.outlines import upper_outline
-from warp_trunk.measures.spine import asis_axis, spine_of
+from warp_trunk.spine.spine import asis_axis, spine_of
 
 from ..landmark_finder import find_landmarks
 from .spine_curve import VERTEBRAE, MeasuredSpine, SpineCurve, VertebraPose, vertebra_poses

@@ -18,8 +18,8 @@ from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.section import arc_length
 from warp_trunk.geometry.surface import unit
 from warp_trunk.io.records import check_fields
-from warp_trunk.measures.cobb import sagittal_angle
-from warp_trunk.measures.spine import spine_of
+from warp_trunk.spine.cobb import sagittal_angle
+from warp_trunk.spine.spine import spine_of
 
 from .patient_spine import spine_of_marks
 from .published_curves import (
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
     from warp_trunk.case.landmarks import Landmarks
-    from warp_trunk.measures.spine import Spine
+    from warp_trunk.spine.spine import Spine
 
 LEVELS = len(VERTEBRAE)
 

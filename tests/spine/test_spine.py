@@ -12,11 +12,12 @@ from support.synthetic import grid_faces
 from support.trunk_shapes import ASIS, LEFT, ellipse, rotation, spine, tube, with_points
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures import cobb_angles, curves_after, measure
-from warp_trunk.measures.apical import axial_rotation
-from warp_trunk.measures.cobb import kyphosis, lordosis, spine_height
+from warp_trunk.measures import measure
 from warp_trunk.measures.outlines import INNER, OUTER, shoulder_heights
-from warp_trunk.measures.spine import TrunkShift, sacral_line, spine_of, trunk_shift
+from warp_trunk.spine import cobb_angles, curves_after
+from warp_trunk.spine.apical import axial_rotation
+from warp_trunk.spine.cobb import kyphosis, lordosis, spine_height
+from warp_trunk.spine.spine import TrunkShift, sacral_line, spine_of, trunk_shift
 
 
 def shift_of(landmarks):
