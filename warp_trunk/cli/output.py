@@ -14,8 +14,8 @@ from warp_trunk.errors import InputError
 if TYPE_CHECKING:
     import numpy as np
 
+    from warp_trunk.geometry.cutting import CutPlane
     from warp_trunk.geometry.surface import Surface
-    from warp_trunk.preparation.scanning.cutting import CutPlane
 
 OK, NOT_CONVERGED, BAD_INPUT, INCOMPLETE, FILE_ERROR, INTERRUPTED = 0, 1, 2, 3, 4, 130
 EXIT_STATUSES = {
@@ -62,7 +62,7 @@ def read_bones(folder: Path, read: Callable[[Path], Surface] | None = None) -> d
 
 def cut_planes(texts: Sequence[str], above: float | None, below: float | None) -> list[CutPlane]:
     """The planes of --cut, --cut-above and --cut-below; InputError for a text that is no point and normal."""
-    from warp_trunk.preparation.scanning.cutting import CutPlane
+    from warp_trunk.geometry.cutting import CutPlane
 
     planes = []
     for text in texts:

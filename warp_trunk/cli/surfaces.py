@@ -16,6 +16,7 @@ from warp_trunk.case.header import read_header
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
 from warp_trunk.case.uncertainty import state_bone_landmarks
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.cutting import CutPlane, cut_bone
 from warp_trunk.geometry.surface_checks import enclosed_volume
 from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.file_access import check_place
@@ -32,7 +33,6 @@ from warp_trunk.preparation.deformity import MeasuredSpine, SpineCurve, make_cas
 from warp_trunk.preparation.deformity.published_curves import KYPHOSIS
 from warp_trunk.preparation.landmark_finder import find_landmarks
 from warp_trunk.preparation.scanning.closing import CloseOptions, close_skin
-from warp_trunk.preparation.scanning.cutting import CutPlane, cut_bone
 from warp_trunk.preparation.scanning.parts import align_parts, check_parts, moved
 from warp_trunk.run.progress import Progress
 

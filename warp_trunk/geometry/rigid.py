@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import unit
+
+from .surface import unit
 
 _LINE = 1e-4
 """Second over first singular value of the covariance below which points count as lying on one line: they are

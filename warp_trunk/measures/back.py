@@ -10,7 +10,7 @@ import numpy as np
 
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.relief import relief, without_bumps
+from warp_trunk.geometry.scanned_points import surface_of_points, without_bumps
 from warp_trunk.geometry.section import last_crossing, pieces
 from warp_trunk.spine.spine import spine_of
 
@@ -137,7 +137,7 @@ def measure_back(
     marks = back_markers(markers) if line else back_markers(markers, spine, spine=False)
     across = marks.across
     behind = np.array([-across[1], across[0]])
-    surface = relief(back, across) if isinstance(back, np.ndarray) else _bare(back, across)
+    surface = surface_of_points(back, across) if isinstance(back, np.ndarray) else _bare(back, across)
     if isinstance(spine, np.ndarray):
         levels, centres = VERTEBRAE, vertebrae_on_line(spine, marks)
         aside = centres[:, :2] @ across

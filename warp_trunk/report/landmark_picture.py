@@ -12,7 +12,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.landmarks import ASIS
-from warp_trunk.geometry.relief import in_cubes
+from warp_trunk.geometry.scanned_points import in_cubes
 from warp_trunk.geometry.surface import Surface, area_vectors, unit
 from warp_trunk.preparation.landmark_finder import FoundLandmarks
 

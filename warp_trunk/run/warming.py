@@ -18,7 +18,8 @@ from warp_trunk.engine.build import build_model
 from warp_trunk.engine.simulation import SimulationOptions, simulate
 from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
 from warp_trunk.geometry.surface import unit
-from warp_trunk.run.options import RunOptions
+
+from .options import RunOptions
 
 WORTH_COMPILING_AHEAD = 50_000
 """Tetrahedra whose meshing takes longer than starting a process."""

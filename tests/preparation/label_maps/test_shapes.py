@@ -12,6 +12,7 @@ from support.label_maps import OBLIQUE, Voxels
 from support.synthetic import sphere
 from warp_trunk.case.layers import SKIN_THICKNESS
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.cutting import CutPlane
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import check_solid, enclosed_volume, manifold_fault
@@ -20,7 +21,6 @@ from warp_trunk.preparation.label_maps.fat import fat_thickness
 from warp_trunk.preparation.label_maps.mask import Mask
 from warp_trunk.preparation.label_maps.skin import body_in_scan, body_skin
 from warp_trunk.preparation.label_maps.surfaces import bone_shape
-from warp_trunk.preparation.scanning.cutting import CutPlane
 
 SIDE = 4.0
 LOW = np.array([-320.0, -120.0, -80.0])

@@ -15,14 +15,14 @@ from warp_trunk.case import write_case
 from warp_trunk.case.motions import Motion
 from warp_trunk.cli import main
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.cutting import CutPlane, cut_bone, cut_flat
 from warp_trunk.geometry.distance_field import Grid, nearest
 from warp_trunk.geometry.surface import Surface, vertex_areas
 from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume, manifold_fault
+from warp_trunk.geometry.surface_fit import fit_to_points
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.preparation.phantom.phantom import straight_trunk
 from warp_trunk.preparation.scanning.closing import CloseOptions, close_skin
-from warp_trunk.preparation.scanning.cutting import CutPlane, cut_bone, cut_flat
-from warp_trunk.preparation.scanning.fitting import fit_to_points
 from warp_trunk.preparation.scanning.parts import align_parts, check_parts
 from warp_trunk.preparation.scanning.winding import sheet_samples, winding_field
 

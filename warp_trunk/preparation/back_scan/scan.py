@@ -10,7 +10,7 @@ import numpy as np
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.relief import in_cubes, without_bumps
+from warp_trunk.geometry.scanned_points import in_cubes, without_bumps
 from warp_trunk.geometry.surface import area_vectors, unit
 from warp_trunk.geometry.surface_checks import linked_parts
 from warp_trunk.spine.spine import asis_axis

@@ -10,8 +10,8 @@ import numpy as np
 from warp_trunk.geometry.distance_field import nearest
 from warp_trunk.geometry.spline import fit_spline, spread_centres
 from warp_trunk.geometry.surface import Surface, vertex_areas, vertex_normals
+from warp_trunk.geometry.surface_fit import places, solved, thin_plate
 
-from ..scanning.fitting import places, solved, thin_plate
 from .scan import BackScan
 
 NUGGETS = (60.0, 30.0, 10.0)

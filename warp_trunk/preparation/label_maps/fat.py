@@ -8,10 +8,10 @@ import numpy as np
 
 from warp_trunk.case.layers import SKIN_THICKNESS
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.cutting import CutPlane
 from warp_trunk.geometry.distance_field import nearest
 from warp_trunk.geometry.surface import Surface, vertex_normals
 
-from ..scanning.cutting import CutPlane
 from .mask import Mask
 
 _REACH = 120.0

@@ -21,12 +21,12 @@ from warp_trunk.case.uncertainty import ON_BONES, Uncertainty
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import without_slivers
 from warp_trunk.geometry.cores import each_over_cores
+from warp_trunk.geometry.cutting import CutPlane
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import slivers
 from warp_trunk.io.records import check_fields
 
 from ..landmark_finder import FoundLandmarks, find_landmarks
-from ..scanning.cutting import CutPlane
 from .cartilages import split_cartilages
 from .fat import fat_thickness, reached
 from .mask import Mask

@@ -13,12 +13,12 @@ from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.landmarks import ASIS
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import coarsen
+from warp_trunk.geometry.cutting import CutPlane, check_meets, cut_flat
 from warp_trunk.geometry.distance_field import Grid, largest_piece, one_solid, zero_surface
 from warp_trunk.geometry.surface import Surface, unit, vertex_normals
 from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.io.image_files.image_reader import read_scan
 
-from ..scanning.cutting import CutPlane, check_meets, cut_flat
 from .mask import Mask, depth, distance, factors_below, reduced
 
 _FINE = 2.5

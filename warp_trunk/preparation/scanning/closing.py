@@ -12,13 +12,13 @@ from msgspec import Meta
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import coarsen, without_slivers
 from warp_trunk.geometry.colours import coloured_from
+from warp_trunk.geometry.cutting import CutPlane, cut_flat, cut_within, goes_on_beyond
 from warp_trunk.geometry.distance_field import Grid, one_solid, zero_surface
 from warp_trunk.geometry.surface import Surface, corner_areas, directed_edges, unit, vertex_areas
 from warp_trunk.geometry.surface_checks import boundary_edges, check_solid, linked_parts
+from warp_trunk.geometry.surface_fit import fit_to_points
 from warp_trunk.io.records import check_fields
 
-from .cutting import CutPlane, cut_flat, cut_within, goes_on_beyond
-from .fitting import fit_to_points
 from .parts import check_parts, covers, reach_of
 from .winding import sheet_samples, winding_field
 

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.coarsening import coarsen
-from warp_trunk.geometry.section import inside
-from warp_trunk.geometry.surface import Surface, compact, directed_edges, side_lengths, unit, vertex_normals
-from warp_trunk.geometry.surface_checks import (
+
+from .coarsening import coarsen
+from .section import inside
+from .surface import Surface, compact, directed_edges, side_lengths, unit, vertex_normals
+from .surface_checks import (
     boundary_edges,
     components,
     enclosed_volume,

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.geometry.distance_field import nearest
-from warp_trunk.geometry.surface import (
+from .distance_field import nearest
+from .surface import (
     Surface,
     directed_edges,
     neighbour_means,

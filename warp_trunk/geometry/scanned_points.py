@@ -75,7 +75,7 @@ def without_bumps(points: np.ndarray, across: np.ndarray) -> tuple[np.ndarray, n
     return moved, bump
 
 
-def relief(points: np.ndarray, across: np.ndarray) -> Surface:
+def surface_of_points(points: np.ndarray, across: np.ndarray) -> Surface:
     """Triangles between points that are neighbours seen from behind, counterclockwise seen from there.
 
     Args:
