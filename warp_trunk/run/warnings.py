@@ -9,7 +9,6 @@ from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.errors import InputError
 from warp_trunk.spine import cobb_angles
 from warp_trunk.system import usable_memory
-from warp_trunk.spine import cobb_angles
 
 if TYPE_CHECKING:
     from warp_trunk.case.case import Pose
