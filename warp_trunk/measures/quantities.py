@@ -13,7 +13,6 @@ from warp_trunk.spine.apical import apical_vertebrae
 from warp_trunk.spine.cobb import angles_between
 
 if TYPE_CHECKING:
-
     from .measures import TrunkMeasures
 
 DETECTABLE = 2.5
