@@ -24,7 +24,7 @@ from warp_trunk.preparation.deformity import SpineCurve, correct, impose
 from warp_trunk.preparation.phantom import straight_trunk
 from warp_trunk.results.bands import FoundBands
 from warp_trunk.run.draws import SAMPLE, Draws, draw_landmarks, spline_draws
-from warp_trunk.run.intervals import find_bands, spine_bands
+from warp_trunk.run.intervals import find_bands, spine_bands, spine_before_bands
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import motions_of
 from warp_trunk.run.prediction import Prediction, prepare, prepare_plan
@@ -140,26 +140,31 @@ def test_plans_that_share_errors_differ_by_less_than_each_alone() -> None:
     assert first.difference_sd(first) == {name: 0.0 for name in found}
 
 
-WHOLE = replace(whole_phantom(), uncertainty=Uncertainty(landmark_error=1.0, landmark_error_sd=0.7))
+WHOLE = replace(whole_phantom(), uncertainty=Uncertainty())
 AFTER = WHOLE.planned_landmarks
 
 
-def test_against_draws() -> None:
-    bands = {(row.quantity, row.level): row for row in spine_bands(WHOLE, ())[0]}
+@pytest.mark.parametrize("state", ["before", "predicted"])
+def test_against_draws(state: str) -> None:
+    """Errors of two films, against which endplates are smoothed in the draws and in the intervals."""
+    before = state == "before"
+    rows = spine_before_bands(WHOLE) if before else spine_bands(WHOLE, ())[0]
+    bands = {(row.quantity, row.level): row for row in rows if row.state == state}
+    marks = WHOLE.landmarks_before if before else AFTER
     random, curves = np.random.default_rng(3), cobb_angles(WHOLE.landmarks_before)
     assert {("cobb_deg", f"{curve.upper}-{curve.lower}") for curve in curves} <= bands.keys()
     assert {("apical_rotation_deg", curve.apex) for curve in curves} <= bands.keys()
     drawn = []
-    for _ in range(1000):
-        error = WHOLE.uncertainty.landmark_sd * random.standard_normal(AFTER.points.shape)
-        marks = replace(AFTER, points=AFTER.points + error)
-        drawn.append([*curves_after(curves, marks), kyphosis(spine_of(marks))["T5-T12"]])
+    for _ in range(300):
+        error = WHOLE.uncertainty.landmark_sd * random.standard_normal(marks.points.shape)
+        noisy = replace(marks, points=marks.points + error)
+        drawn.append([*curves_after(curves, noisy), kyphosis(spine_of(noisy))["T5-T12"]])
     names = [*(("cobb_deg", f"{curve.upper}-{curve.lower}") for curve in curves), ("kyphosis_deg", "T5-T12")]
     np.testing.assert_allclose(
-        [bands[name].sd for name in names], np.std(np.array(drawn, dtype=np.float64), axis=0), rtol=0.08
+        [bands[name].sd for name in names], np.std(np.array(drawn, dtype=np.float64), axis=0), rtol=0.15
     )
-    before = [*curves_after(curves, AFTER), kyphosis(spine_of(AFTER))["T5-T12"]]
-    assert [bands[name].value for name in names] == before
+    exact = [*curves_after(curves, marks), kyphosis(spine_of(marks))["T5-T12"]]
+    assert [bands[name].value for name in names] == exact
 
 
 def test_a_missed_plan_is_a_change_of_its_landmarks() -> None:

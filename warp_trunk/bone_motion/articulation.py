@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import repeat
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,18 +13,17 @@ from warp_trunk.case.anatomy import THORACIC, is_known
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.rigid import NamedMotions, RigidMotion, rotated, smallest_turn
 from warp_trunk.spine.cobb import cobb_angles
+from warp_trunk.spine.endplate_smoothing import endplate_smoothing
 
 from .rib_cage import follow
 from .skeleton import Link, Skeleton
 from .vertebra_motion import Vertebrae, attitudes
-from .vertebra_smoothing import vertebra_smoothing
 
 if TYPE_CHECKING:
     from warp_trunk.case.case import Pose
     from warp_trunk.case.rib_coupling import RibCoupling
     from warp_trunk.spine.cobb import CobbAngle
-
-    from .vertebra_smoothing import VertebraSmoothing
+    from warp_trunk.spine.endplate_smoothing import EndplateSmoothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,16 +32,12 @@ class SpineFeatures:
 
     curves: tuple[CobbAngle, ...]
     """Its curves before surgery."""
-    smoothing: VertebraSmoothing | None
-    """How the motions of its vertebrae are smoothed; None for landmarks without errors."""
+    smoothing: tuple[EndplateSmoothing | None, EndplateSmoothing | None]
+    """How its endplates before and after are smoothed; None for landmarks without errors."""
 
 
 def spine_features(
-    skeleton: Skeleton,
-    before: np.ndarray,
-    after: np.ndarray,
-    expected_error: float | None = None,
-    motions: RigidMotion | None = None,
+    skeleton: Skeleton, before: np.ndarray, after: np.ndarray, expected_error: float = 0.0
 ) -> SpineFeatures:
     """The features of one set of landmarks.
 
@@ -50,13 +45,13 @@ def spine_features(
         skeleton: the bones of the patient.
         before: landmarks before, shape (landmarks, 3) [mm].
         after: the same after.
-        expected_error: of landmarks that have none yet, see `vertebra_smoothing` [mm].
-        motions: nearest to the landmarks of each vertebra, where they are known.
+        expected_error: of landmarks that have none yet, see `endplate_smoothing` [mm].
     """
     same = np.array_equal(before, skeleton.landmarks.points)
     curves = skeleton.curves if same else cobb_angles(Landmarks(skeleton.landmarks.names, before))
-    motions = motions or skeleton.vertebrae.fit(before[None], after[None])[0]
-    return SpineFeatures(curves, vertebra_smoothing(skeleton.vertebrae, motions, before, after, expected_error))
+    plates = skeleton.coupled_turns.endplates
+    here, there = (endplate_smoothing(plates(points), expected_error) for points in (before, after))
+    return SpineFeatures(curves, (here, there))
 
 
 def bone_motions(
@@ -74,8 +69,7 @@ def bone_motions(
     The first of these that applies:
 
     - A bone whose motion is known.
-    - Three or more landmarks of its own, not on one line: the rigid motion nearest to theirs. Where those
-      of vertebrae do not move rigidly, by their errors, these are smoothed along the spine (`vertebra_smoothing`).
+    - Three or more landmarks of its own, not on one line: the rigid motion nearest to theirs.
     - Pelvis and femurs: one body, by all its landmarks, also by iliac spines whose hip bones are not there. The
       two iliac spines alone leave the turn about the line between them open; it is taken as none.
     - Ribs, sternum and shoulder blades follow the vertebrae by stated shares (`rib_cage.follow`) of what these do
@@ -101,31 +95,8 @@ def bone_motions(
         InputError: landmarks on which no spline can be fitted (see `fit_spline`).
     """
     bones, known, (_, marks) = skeleton.bones, known or {}, skeleton.marked
-    fitted = marks.fit(before, after)
-    vertebrae = fitted.last(slice(len(skeleton.vertebrae.rows)))
-    each = (
-        [features]
-        if features
-        else [
-            spine_features(skeleton, here, there, motions=motions)
-            for here, there, motions in zip(before, after, vertebrae, strict=True)
-        ]
-    )
-
-    def of_each(found: Callable[..., np.ndarray], *stacks: Any) -> np.ndarray:
-        if len(each) == 1:
-            return found(each[0], *stacks)
-        return np.concatenate([found(one, *(stack[[i]] for stack in stacks)) for i, one in enumerate(each)])
-
-    def smoothed(one: SpineFeatures, *given: Any) -> np.ndarray:
-        return given[-1] if one.smoothing is None else one.smoothing.smoothed(skeleton.vertebrae, *given)
-
-    def coupled_turns(one: SpineFeatures, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-        return skeleton.coupled_turns.of(one.curves, before, after)
-
-    smooth = of_each(smoothed, vertebrae, before, after)
     motions = NamedMotions(skeleton.names, len(before))
-    pelvis = _put_marked(skeleton, motions, fitted if smooth is after else marks.fit(before, smooth))
+    pelvis = _put_marked(skeleton, motions, marks.fit(before, after))
     for bone in known.keys() & bones.keys():
         motions[bone] = known[bone]
     lost = {level: bones[level].vertices for level in skeleton.levels if level not in motions}
@@ -134,7 +105,7 @@ def bone_motions(
         coupled = np.full((len(before), len(skeleton.levels)), np.nan)
         if pose == "surgery":
             frame = next((motions[bone] for bone in skeleton.pelvis if bone in motions), pelvis)
-            coupled = of_each(coupled_turns, before, smooth)
+            coupled = _coupled_turns(skeleton, before, after, features)
         else:
             frame = _leaning(skeleton.middles, motions)
         frame, cage = frame.last(None), skeleton.cage
@@ -153,6 +124,20 @@ def bone_motions(
         motions, links, [carried.last(number) for number in range(len(others), len(others) + len(loose))]
     )
     return motions
+
+
+def _coupled_turns(
+    skeleton: Skeleton, before: np.ndarray, after: np.ndarray, features: SpineFeatures | None
+) -> np.ndarray:
+    """The turns that come with the change of the curves [rad], shape (sets, levels)."""
+    turns = skeleton.coupled_turns.of
+    if features is not None:
+        return turns(features.curves, before, after, features.smoothing)
+    found = []
+    for here, there in zip(before, after, strict=True):
+        own = spine_features(skeleton, here, there)
+        found.append(turns(own.curves, here[None], there[None], own.smoothing))
+    return np.concatenate(found)
 
 
 def given_motions(skeleton: Skeleton, given: Mapping[str, RigidMotion], *shape: int) -> NamedMotions:

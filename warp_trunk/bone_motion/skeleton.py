@@ -16,9 +16,9 @@ from warp_trunk.geometry.spline import SplineSums
 from warp_trunk.spine.cobb import cobb_angles
 from warp_trunk.spine.spine import ENDPLATES
 
+from .bodies import Bodies
 from .rib_cage import RibCage, ends
 from .vertebra_motion import CoupledTurns
-from .vertebra_smoothing import Bodies, vertebra_rows, vertebrae_of
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
@@ -70,28 +70,19 @@ class Skeleton:
 
     @cached_property
     def marked(self) -> tuple[dict[str, int], Bodies]:
-        """Vertebrae, in bones or not, and bones, which landmarks of their own hold, as bodies.
-
-        The first are those of `vertebrae`. The numbers are of bones, and of `pelvis`, which is all of `PELVIS`.
-        """
+        """Numbers of the bones, and of `pelvis`, which is all of `PELVIS`, that own landmarks hold, as bodies."""
         owners = np.array([bone_of(name, (*self.names, *PELVIS)) or "" for name in self.landmarks.names])
         rows = {bone: np.flatnonzero(owners == bone) for bone in self.names if bone not in PELVIS}
         rows = {bone: own for bone, own in rows.items() if _hold(self.landmarks.points[own])}
         pelvis = np.flatnonzero(np.isin(owners, PELVIS))
         if len(pelvis):
             rows["pelvis"] = pelvis
-        bodies = {**vertebra_rows(self.landmarks), **rows}
-        return {bone: list(bodies).index(bone) for bone in rows}, Bodies.of(list(bodies.values()))
+        return {bone: number for number, bone in enumerate(rows)}, Bodies.of(list(rows.values()))
 
     @cached_property
     def pelvis(self) -> tuple[str, ...]:
         """Its bones, which move as one."""
         return tuple(bone for bone in self.names if bone in PELVIS)
-
-    @cached_property
-    def vertebrae(self) -> Bodies:
-        """The landmarks of the vertebrae, in bones or not."""
-        return vertebrae_of(self.landmarks)
 
     @cached_property
     def coupled_turns(self) -> CoupledTurns:

@@ -15,6 +15,7 @@ from warp_trunk.spine.spine import ENDPLATES
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
+    from warp_trunk.spine.endplate_smoothing import EndplateSmoothing
 
 
 class Vertebrae(NamedTuple):
@@ -165,14 +166,34 @@ class CoupledTurns:
         rows = [[self._place[f"{levels[number]}_{end}"] for end in VERTEBRA_POINTS] for number in whole]
         self._rows = np.array(rows, dtype=int).reshape(-1, 6)
         self._asis = [self._place[name] for name in ASIS if name in self._place]
+        plates = [[self._place.get(f"{level}_{end}", -1) for end in ENDPLATES] for level in self._marked]
+        self._plates = np.array(plates, dtype=int).reshape(-1, 2)
 
-    def of(self, curves: Sequence[CobbAngle], before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    def endplates(self, points: np.ndarray) -> np.ndarray:
+        """Superior and inferior endplate centres of the vertebrae, top to bottom, shape (..., n, 2, 3) [mm].
+
+        Args:
+            points: landmarks, shape (..., landmarks, 3) [mm].
+
+        Returns:
+            NaN where one is missing.
+        """
+        return np.where((self._plates >= 0)[..., None], points[..., self._plates, :], np.nan)
+
+    def of(
+        self,
+        curves: Sequence[CobbAngle],
+        before: np.ndarray,
+        after: np.ndarray,
+        smoothing: Sequence[EndplateSmoothing | None] = (None, None),
+    ) -> np.ndarray:
         """Turns of the vertebrae against the pelvis, counterclockwise seen from above [rad], shape (sets, levels).
 
         Args:
             curves: those before surgery (`cobb_angles`).
             before: sets of landmarks before, shape (sets, landmarks, 3) [mm].
             after: the same after.
+            smoothing: of the endplates before and after (`endplate_smoothing`).
 
         Returns:
             NaN where they are not determined: no curve of 10 degrees, no iliac spines, a level without all
@@ -183,7 +204,7 @@ class CoupledTurns:
             return found
         apices = [self._marked.index(curve.apex) for curve in curves]
         shares = np.stack([np.interp(self._along, apices, one) for one in np.eye(len(apices))])  # (curves, levels)
-        corrected = self._corrected(curves, before, after)
+        corrected = self._corrected(curves, smoothing, before, after)
         marks = before[:, self._rows]
         axis = marks[..., 0, :] - marks[..., 1, :]
         to_left = 0.5 * (marks[..., 2, :] + marks[..., 3, :] - marks[..., 4, :] - marks[..., 5, :])
@@ -191,11 +212,19 @@ class CoupledTurns:
         found[:, self._whole] = -(corrected @ shares) * axial_turn(axis, to_left, across[:, None])
         return found
 
-    def _corrected(self, curves: Sequence[CobbAngle], before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    def _corrected(
+        self,
+        curves: Sequence[CobbAngle],
+        smoothing: Sequence[EndplateSmoothing | None],
+        before: np.ndarray,
+        after: np.ndarray,
+    ) -> np.ndarray:
         """The part of each curve's Cobb angle that surgery takes away, shape (sets, curves)."""
-        ends = [[[self._place[f"{v}_{end}"] for end in ENDPLATES] for v in (c.upper, c.lower)] for c in curves]
-        plates = np.stack([before, after])[:, :, ends]  # (2, sets, curves, 2, 2, 3)
-        tilt = vertebral_tilt(plates)
-        was, now = tilt[..., 0] - tilt[..., 1]
+        ends = np.array([[self._marked.index(level) for level in (c.upper, c.lower)] for c in curves])
+        tilts = []
+        for one, points in zip(smoothing, (before, after), strict=True):
+            plates = self.endplates(points)
+            tilts.append(vertebral_tilt(plates if one is None else one.smoothed(plates))[:, ends])
+        was, now = (tilt[..., 0] - tilt[..., 1] for tilt in tilts)
         side = np.array([1.0 if curve.convex == "right" else -1.0 for curve in curves])
         return np.clip(1.0 - side * now / np.abs(was), -1.0, 1.0)

@@ -164,16 +164,17 @@ def measure(skin: Surface, landmarks: Landmarks, before: Surface | None = None) 
     return replace(found, outlines=outlines, tangents=tangents, waist=waist, shoulders=shoulders, missing=missing)
 
 
-def measure_spine(landmarks: Landmarks) -> TrunkMeasures:
+def measure_spine(landmarks: Landmarks, expected_error: float = 0.0) -> TrunkMeasures:
     """Measure a spine alone: what is measured on the skin is left empty.
 
     Args:
         landmarks: of the spine and the pelvis [mm]; without any, nothing is measured.
+        expected_error: of landmarks that have none yet, see `endplate_smoothing` [mm].
 
     Raises:
         InputError: no ASIS among landmarks.
     """
-    spine = spine_of(landmarks)
+    spine = spine_of(landmarks, expected_error)
     line = sacral_line(landmarks) if landmarks.names else None
     rotation = {} if line is None else axial_rotation(spine, line.across)
     curves = curves_of(spine)

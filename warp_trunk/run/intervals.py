@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +21,7 @@ from warp_trunk.engine.linearization import Linearization
 from warp_trunk.geometry.spline import spline_response
 from warp_trunk.geometry.surface import vertex_normals
 from warp_trunk.measures.measures import measure_spine
-from warp_trunk.measures.quantities import EXACT, LIKELY, PREDICTED, QUANTITIES, Measured, quantities_of
+from warp_trunk.measures.quantities import BEFORE, EXACT, LIKELY, PREDICTED, QUANTITIES, Measured, quantities_of
 from warp_trunk.results.bands import Bands, BandSource, Effects, FoundBands
 
 from .draws import Draws, draw_errors, linearity, skin_deviation
@@ -92,10 +92,10 @@ def find_bands(prediction: Prediction, *, draws: int = DRAWS) -> FoundBands:
         draws=draws,
     )
     of_spine, by_spine, by_landmarks = spine_bands(case, sources)
-    rows = [*intervals(PREDICTED, effects), *of_spine, *intervals(EXACT, exact)]
+    rows = [*intervals(PREDICTED, effects), *of_spine, *intervals(EXACT, exact), *spine_before_bands(case)]
     hump = next((row.sd for row in rows if (row.state, row.quantity) == (PREDICTED, "main_hump_mm")), 0.0)
     by_source = np.array([effects[source.name] for source in sources])
-    apart = [np.concatenate([one.landmarks_before, one.landmarks_after]).ravel() for one in solved.apart]
+    apart = [np.concatenate([one.landmarks_before, one.landmarks_after]).ravel() for one in solved.found]
     both = Effects(
         names=np.array([*names, *((row.quantity, row.level) for row in of_spine)], dtype=str).reshape(-1, 2),
         sources=np.array([source.name for source in sources], dtype=str),
@@ -153,8 +153,6 @@ class _Solved:
     """The numbers of the skin by quantity and level."""
     found: tuple[Sensitivity, ...]
     """Their sensitivities."""
-    apart: tuple[Sensitivity, ...]
-    """The same where motions of bones are smoothed against errors of landmarks."""
     by_field: np.ndarray
     """The change of each number by each field of `drawn` that is a source of its own, shape (sources, numbers)."""
     drawn: Draws
@@ -182,23 +180,13 @@ def _solve(prediction: Prediction, sources: Sequence[ErrorSource], normals: np.n
     )
     adjoints, followed = linear.adjoints_and_follow(on_nodes(trunk, numbers), drawn.bones, drawn.force_derivatives)
     solved = numbers, adjoints, linear.position_derivatives(adjoints)
-    follow = landmark_derivative(prediction)
-    found = apart = from_adjoints(
+    follow = landmark_derivative(prediction, given.landmark_sd)
+    found = from_adjoints(
         prediction, response, solved=solved, by_landmarks=follow, force_derivatives=force_derivatives
     )
-    if prediction.options.bones == "follow" and given.landmark_sd:
-        # the motions of vertebrae are smoothed against errors of landmarks
-        held, error = solved[2][:, trunk.prescribed], math.sqrt(2.0) * given.landmark_sd
-        there, here = (np.array(one(held)) for one in (landmark_derivative(prediction, error), follow))
-        apart = tuple(
-            replace(
-                one, landmarks_before=one.landmarks_before + before, landmarks_after=one.landmarks_after + after
-            )
-            for one, before, after in zip(found, *(there - here), strict=True)
-        )
     own = slice(len(followed) - sum(source.landmarks_after is None for source in sources), None)
     by_field = _changes(solved[2], followed[own]) - _changes(adjoints.fields, drawn.force_derivatives[own])
-    return _Solved(numbers, found, apart, by_field.T, drawn, followed)
+    return _Solved(numbers, found, by_field.T, drawn, followed)
 
 
 def _effects(
@@ -218,7 +206,7 @@ def _effects(
     }
     exact = {source.name: effects[source.name] for source in sources if not source.of_surgery}
     sd = case.uncertainty.landmark_sd
-    separate = [float(np.linalg.norm([one.landmarks_before, one.landmarks_after])) for one in solved.apart]
+    separate = [float(np.linalg.norm([one.landmarks_before, one.landmarks_after])) for one in solved.found]
     same = [float(np.linalg.norm(one.landmarks_before + one.landmarks_after)) for one in solved.found]
     if case.invented is not None:
         effects[_INVENTED] = exact[_INVENTED] = _invented(case.invented, solved)
@@ -280,45 +268,63 @@ def spine_bands(case: Case, sources: Sequence[ErrorSource]) -> tuple[list[Measur
     A Cobb angle is that between the end vertebrae that the curve has before surgery, and rotation that of its apex
     before. Each landmark after surgery has its own error; how surgery misses the plan comes on top.
     """
-    after, before = case.planned_landmarks, measure_spine(case.landmarks_before)
-    values = spine_measures(after, before)
-    by_point = _derivatives(after, before, values)
-    known = [bool(np.isfinite(one).all()) for one in by_point]
-    names, by_point = [name for name, one in zip(values, known, strict=True) if one], by_point[known]
+    after, sd = case.planned_landmarks, case.uncertainty.landmark_sd
+    values, by_point = _readings(after, measure_spine(case.landmarks_before), sd)
     moves = [
         np.zeros(after.points.shape) if one.landmarks_after is None else one.landmarks_after for one in sources
     ]
     effects = np.array([[float(np.vdot(one, move)) for move in moves] for one in by_point])
-    effects = effects.reshape(len(names), len(sources))
-    landmarks = case.uncertainty.landmark_sd * by_point.reshape(len(names), after.points.size)
-    sds = np.hypot(np.linalg.norm(effects, axis=1), np.linalg.norm(landmarks, axis=1)).tolist()
-    rows = [
-        Measured.with_sd(PREDICTED, name[1], name[0], values[name], sd)
-        for name, sd in zip(names, sds, strict=True)
-    ]
+    effects = effects.reshape(len(values), len(sources))
+    landmarks = sd * by_point.reshape(len(values), after.points.size)
+    sds = np.hypot(np.linalg.norm(effects, axis=1), np.linalg.norm(landmarks, axis=1))
+    rows = _with_sds(PREDICTED, values, sds)
     return rows, effects, np.hstack([np.zeros_like(landmarks), landmarks])  # before surgery, after
 
 
-def _derivatives(after: Landmarks, before: TrunkMeasures, values: Mapping[tuple[str, str], float]) -> np.ndarray:
-    """Of each measure in each landmark, shape (measures, landmarks, 3); NaN where one goes missing."""
-    derivative = np.zeros((len(values), *after.points.shape))
+def spine_before_bands(case: Case) -> list[Measured]:
+    """The measures of the spine before surgery, with the intervals that the errors of its landmarks give."""
+    marks, sd = case.landmarks_before, case.uncertainty.landmark_sd
+    values, by_point = _readings(marks, measure_spine(marks), sd)
+    return _with_sds(BEFORE, values, sd * np.linalg.norm(by_point.reshape(len(values), marks.points.size), axis=1))
+
+
+def _with_sds(state: str, values: Mapping[tuple[str, str], float], sds: np.ndarray) -> list[Measured]:
+    return [
+        Measured.with_sd(state, level, name, value, float(sd))
+        for ((name, level), value), sd in zip(values.items(), sds, strict=True)
+    ]
+
+
+def _readings(
+    marks: Landmarks, before: TrunkMeasures, error: float
+) -> tuple[dict[tuple[str, str], float], np.ndarray]:
+    """The measures of a spine, and their derivatives in its landmarks, shape (measures, landmarks, 3).
+
+    Endplates are smoothed against an error [mm], also where the landmarks have none yet. Measures that go missing
+    nearby are left out.
+    """
+    values, base = spine_measures(marks, before), spine_measures(marks, before, error)
+    derivative = np.zeros((len(values), *marks.points.shape))
 
     def moved(row: int, by: np.ndarray) -> list[float]:
-        points = after.points.copy()
+        points = marks.points.copy()
         points[row] += by
-        there = spine_measures(Landmarks(after.names, points), before)
-        return [there.get(name, np.nan) - value for name, value in values.items()]
+        there = spine_measures(Landmarks(marks.names, points), before, error)
+        return [there.get(name, np.nan) - base[name] for name in values]
 
-    for row in range(len(after.points)):
+    for row in range(len(marks.points)):
         if any(moved(row, STEP * OBLIQUE)):  # most landmarks are read by no measure
             for axis in range(3):
                 derivative[:, row, axis] = np.divide(moved(row, STEP * np.eye(3)[axis]), STEP)
-    return derivative
+    known = np.isfinite(derivative).all(axis=(1, 2))
+    return {name: values[name] for name, one in zip(values, known, strict=True) if one}, derivative[known]
 
 
-def spine_measures(landmarks: Landmarks, before: TrunkMeasures) -> dict[tuple[str, str], float]:
+def spine_measures(
+    landmarks: Landmarks, before: TrunkMeasures, expected_error: float = 0.0
+) -> dict[tuple[str, str], float]:
     """Measures of a spine by quantity and level, at the places it has before surgery; without missing ones."""
-    found = measure_spine(landmarks)
+    found = measure_spine(landmarks, expected_error)
     return {
         (quantity.key, level): value
         for quantity in quantities_of("curve", "spine")

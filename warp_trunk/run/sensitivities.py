@@ -162,12 +162,12 @@ def from_adjoints(
     )
 
 
-def landmark_derivative(prediction: Prediction, expected_error: float | None = None) -> PathDerivative:
+def landmark_derivative(prediction: Prediction, expected_error: float = 0.0) -> PathDerivative:
     """How the nodes on bone follow the landmarks on the path that these options choose.
 
     Args:
         prediction: of a case.
-        expected_error: of landmarks that have none yet, see `vertebra_smoothing` [mm].
+        expected_error: of landmarks that have none yet, see `endplate_smoothing` [mm].
     """
     case, trunk = prediction.case, prediction.trunk
     before, after = case.landmarks_before.points, case.planned_landmarks.points

@@ -15,7 +15,6 @@ from warp_trunk.bone_motion.articulation import unknown_bones
 from warp_trunk.bone_motion.plan import Plan, PlannedSurgery, Planner
 from warp_trunk.bone_motion.plan.plan_file import planned_case
 from warp_trunk.bone_motion.prescribed_motion import colliding_bones, folded_tissue
-from warp_trunk.bone_motion.vertebra_smoothing import smoothing_warnings
 from warp_trunk.case import Case, check_case
 from warp_trunk.case.checks import check_patient, check_surgery
 from warp_trunk.case.motions import check_passing
@@ -35,7 +34,7 @@ from .patient import PreparedPatient, layers_from, motions_of, patient_of
 from .prediction import Observer, Prediction, prepare, prepare_plan
 from .progress import Progress
 from .unread_options import given_in, refuse_unread
-from .warnings import check_size, curve_warnings, ending_warnings, option_warnings
+from .warnings import check_size, curve_warnings, ending_warnings, endplate_warnings, option_warnings
 
 if TYPE_CHECKING:
     from warp_trunk.engine.simulation import Increment
@@ -213,9 +212,10 @@ class _Simulator:
         found = [
             *(check_case(case) if checked is None else checked),
             *curve_warnings(before, after, case.study.pose),
+            *endplate_warnings(before, after),
         ]
         if options.bones == "follow" and case.landmarks_after is not None:
-            found += [*unknown_bones(case.bones), *smoothing_warnings(before, after)]
+            found += unknown_bones(case.bones)
         layers = () if case.layers is None else case.layers.tissues(case.tissue)
         found += option_warnings((case.tissue, *layers), options.gravity)
         if case.motions:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.errors import InputError
 from warp_trunk.spine import cobb_angles
+from warp_trunk.spine.spine import spine_of
 from warp_trunk.system import usable_memory
 
 if TYPE_CHECKING:
@@ -38,6 +39,18 @@ def curve_warnings(before: Landmarks, after: Landmarks, pose: Pose = "surgery") 
     return [
         f"The largest curve of the spine grows, from {was:.0f} to {will:.0f} degrees; "
         "look whether landmarks_before and landmarks_after are exchanged."
+    ]
+
+
+def endplate_warnings(before: Landmarks, after: Landmarks) -> list[str]:
+    """A sentence where the endplates have errors, so that Cobb angles are read from a smooth line."""
+    found = {"before": spine_of(before).endplate_error, "after": spine_of(after).endplate_error}
+    rough = " and ".join(f"{error:.1f} mm {state}" for state, error in found.items() if error)
+    if not rough:
+        return []
+    return [
+        f"landmarks: the endplates are off a smooth line by {rough} surgery (each axis), because of their errors; "
+        "Cobb angles are those of the line."
     ]
 
 

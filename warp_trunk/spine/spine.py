@@ -10,6 +10,8 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 
+from .endplate_smoothing import endplate_smoothing
+
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
 
@@ -25,11 +27,14 @@ class Spine:
     centroids: np.ndarray
     """Mean of each vertebra's landmarks [mm], shape (levels, 3)."""
     endplates: np.ndarray
-    """Superior and inferior endplate centres [mm], shape (levels, 2, 3)."""
+    """Superior and inferior endplate centres [mm], shape (levels, 2, 3), smoothed along the spine where their
+    landmarks have errors (`endplate_smoothing`)."""
     pedicles: np.ndarray
     """Left and right pedicles, each the mean of its upper and lower point [mm], shape (levels, 2, 3)."""
     sacrum: np.ndarray
     """Superior and inferior endplate centre of S1 [mm], shape (2, 3)."""
+    endplate_error: float = 0.0
+    """Standard deviation of the errors that were smoothed, each axis [mm]; 0 where endplates are as given."""
 
     def endplates_of(self, level: str) -> np.ndarray:
         """Superior and inferior endplate centre of a vertebra, or of S1 [mm], shape (2, 3); NaN where missing."""
@@ -38,8 +43,13 @@ class Spine:
         return self.endplates[self.levels.index(level)] if level in self.levels else np.full((2, 3), np.nan)
 
 
-def spine_of(landmarks: Landmarks) -> Spine:
-    """The spine of a set of landmarks."""
+def spine_of(landmarks: Landmarks, expected_error: float = 0.0) -> Spine:
+    """The spine of a set of landmarks.
+
+    Args:
+        landmarks: those of the spine [mm].
+        expected_error: of landmarks that have none yet, see `endplate_smoothing` [mm].
+    """
     levels = landmarks.vertebrae()
     bones: dict[str, dict[str, np.ndarray]] = {}
     for name, point in zip(landmarks.names, landmarks.points, strict=True):
@@ -54,12 +64,15 @@ def spine_of(landmarks: Landmarks) -> Spine:
     sacrum = next((bone for bone in ("S1", "sacrum") if "superior_endplate" in bones.get(bone, {})), "S1")
     sides = [f"{side}_pedicle_{end}" for side in ("left", "right") for end in ("superior", "inferior")]
     centroids = [np.mean(list(bones[level].values()), axis=0) for level in levels]
+    endplates = gather(levels, ENDPLATES)
+    smoothing = endplate_smoothing(endplates, expected_error)
     return Spine(
         levels=levels,
         centroids=np.array(centroids).reshape(-1, 3),
-        endplates=gather(levels, ENDPLATES),
+        endplates=endplates if smoothing is None else smoothing.smoothed(endplates),
         pedicles=0.5 * gather(levels, sides).reshape(-1, 2, 2, 3).sum(axis=2),
         sacrum=gather([sacrum], ENDPLATES)[0],
+        endplate_error=0.0 if smoothing is None else smoothing.error,
     )
 
 
