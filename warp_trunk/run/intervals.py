@@ -316,7 +316,7 @@ def _readings(
         if any(moved(row, STEP * OBLIQUE)):  # most landmarks are read by no measure
             for axis in range(3):
                 derivative[:, row, axis] = np.divide(moved(row, STEP * np.eye(3)[axis]), STEP)
-    known = np.isfinite(derivative).all(axis=(1, 2))
+    known = np.isfinite(derivative).all(axis=(1, 2)).tolist()
     return {name: values[name] for name, one in zip(values, known, strict=True) if one}, derivative[known]
 
 
