@@ -8,8 +8,8 @@ from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures
-from warp_trunk.report.hump import Painted, hump_on_vertices, hump_palette, painted_difference, scale_limit
-from warp_trunk.report.relief import BEHIND, relief, window
+from warp_trunk.views.hump import Painted, hump_on_vertices, hump_palette, painted_difference, scale_limit
+from warp_trunk.views.relief import BEHIND, relief, window
 
 SKIN, BONE = (229, 194, 172), (236, 226, 198)
 GREY, NOW, TARGET = (128, 128, 128), (30, 130, 200), (213, 94, 0)

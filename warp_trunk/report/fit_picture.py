@@ -9,8 +9,9 @@ from matplotlib import colormaps, rc_context
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm
 
+from warp_trunk.views.relief import BEHIND, FRONT, LEFT, relief, seen_from, window
+
 from .panels import panels, shaded
-from .relief import BEHIND, FRONT, LEFT, relief, seen_from, window
 from .skin_pictures import GREY
 from .style import FAINT, INK, RC, file_of
 

@@ -9,7 +9,8 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from .relief import Relief, Viewpoint, Window
+from warp_trunk.views.relief import Relief, Viewpoint, Window
+
 from .style import FAINT, INK, TrunkState, new_figure
 
 WIDTH, GAP, TITLE, SIDES = 2.3, 0.14, 0.34, 0.3

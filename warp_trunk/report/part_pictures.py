@@ -14,8 +14,8 @@ from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.measures import measure
 from warp_trunk.measures.part import agreement
 from warp_trunk.measures.quantities import MeasureTable
+from warp_trunk.views.relief import BEHIND, FRONT, LEFT, RIGHT, Viewpoint
 
-from .relief import BEHIND, FRONT, LEFT, RIGHT, Viewpoint
 from .skin_pictures import values_picture
 from .style import FAINT, PREDICTED, RC, TrunkState, file_of, new_figure
 

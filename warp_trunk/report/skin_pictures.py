@@ -15,11 +15,11 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures.back_rotation import hump_top
 from warp_trunk.measures.quantities import Measured, largest_at
 from warp_trunk.measures.skin_quality import LOOK, STRETCH, SkinChange
+from warp_trunk.views.hump import COLOUR_STEP, Painted, hump_palette, scale_limit
+from warp_trunk.views.relief import BEHIND, FRONT, Relief, Viewpoint, Window, relief, seen_from, window
 
 from .clothing import cloth_surfaces
-from .hump import COLOUR_STEP, Painted, hump_palette, scale_limit
 from .panels import CLAY, coloured, panels, shaded
-from .relief import BEHIND, FRONT, Relief, Viewpoint, Window, relief, seen_from, window
 from .style import INK, TrunkState
 
 Wear = Literal["nothing", "shorts", "shirt"]

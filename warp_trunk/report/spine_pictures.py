@@ -11,9 +11,9 @@ from matplotlib.patches import Polygon
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import unit
 from warp_trunk.spine.spine import sacral_line, spine_of
+from warp_trunk.views.relief import BEHIND, RIGHT, Viewpoint, seen_from
 
 from .panels import Extent, panels
-from .relief import BEHIND, RIGHT, Viewpoint, seen_from
 from .style import FAINT, INK, TrunkState
 
 MARGIN = 22.0

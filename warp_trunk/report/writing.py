@@ -22,15 +22,15 @@ from warp_trunk.measures import compare_skins, measure
 from warp_trunk.measures.part import agreement
 from warp_trunk.measures.quantities import LIKELY, Measured, MeasureTable, measured
 from warp_trunk.measures.skin_quality import skin_change
+from warp_trunk.views.hump import hump_on_vertices, hump_palette, painted_difference
+from warp_trunk.views.relief import BEHIND, FRONT, RIGHT, in_pelvis
 
 from . import skin_pictures as skins
 from .clothing import dressed
-from .hump import hump_on_vertices, hump_palette, painted_difference
 from .page import page, part_page, plan_of_result
 from .part_pictures import change_sections, changed_views, frame_of
 from .plans import check_plans, plan_poses, plans_page, plans_table
 from .plots import convergence_plot, rotation_plot, section_plots
-from .relief import BEHIND, FRONT, RIGHT, in_pelvis
 from .skin_pictures import hump_limit, hump_picture
 from .spine_pictures import spine_picture
 from .style import ACTUAL, BEFORE, BETTER, PREDICTED, RC, WORSE, TrunkState, embedded, file_of

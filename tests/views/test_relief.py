@@ -13,8 +13,10 @@ from support.trunk_shapes import posed
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures.quantities import Measured, MeasureTable
-from warp_trunk.report.hump import COLOUR_STEP, hump_palette, side_difference
-from warp_trunk.report.relief import (
+from warp_trunk.report.spine_pictures import DEEP, FACES, WIDE, spine_picture, vertebra_boxes
+from warp_trunk.report.style import BEFORE
+from warp_trunk.views.hump import COLOUR_STEP, hump_palette, side_difference
+from warp_trunk.views.relief import (
     BEHIND,
     FRONT,
     RIGHT,
@@ -23,8 +25,6 @@ from warp_trunk.report.relief import (
     relief,
     seen_from,
 )
-from warp_trunk.report.spine_pictures import DEEP, FACES, WIDE, spine_picture, vertebra_boxes
-from warp_trunk.report.style import BEFORE
 
 
 def sheet(depth):

@@ -1,0 +1,1 @@
+"""A trunk seen from one side, and the colours of its hump. May import `spine` and below."""
