@@ -10,7 +10,8 @@ from warp_trunk.bone_motion.articulation import given_motions
 from warp_trunk.bone_motion.skeleton import Skeleton
 from warp_trunk.case import check_case, read_case, write_case
 from warp_trunk.case.axes import Axes
-from warp_trunk.case.motions import Motion, Turn, check_passing, motions_text, read_motions, rigid_motions
+from warp_trunk.case.motion_checks import check_passing
+from warp_trunk.case.motions import Motion, Turn, motions_text, read_motions, rigid_motions
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.surface import Surface

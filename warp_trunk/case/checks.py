@@ -21,8 +21,8 @@ from .anatomy import region
 from .axes import MILLIMETRES, check_axes, exchanged_pairs, fitting, misplaced, unit_of
 from .landmark_checks import check_frame, check_motion, check_on_bones, check_order, check_shapes
 from .landmarks import ASIS, VERTEBRA_POINTS, Landmarks, bone_of
-from .motions import check_motions
-from .points import check_points
+from .motion_checks import check_motions
+from .point_checks import check_points
 from .skin_checks import arm_warnings, check_second_skin
 
 if TYPE_CHECKING:

@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.errors import InputError
-from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.io.atomic_write import csv_text
 
 from .axes import Axes
@@ -19,15 +17,11 @@ from .landmarks import COLUMNS, NO_LANDMARKS, Landmarks, read_rows, read_table
 if TYPE_CHECKING:
     from warp_trunk.geometry.surface import Surface
 
-    from .case import Case
-
 FILE = "points.csv"
 """The file of a case folder with the points."""
 PAIR = "bone_point"
 """The optional column that names, for a point on the skin, the point on bone with which it is compared."""
 SKIN = "skin"
-_FAR = 5.0
-"""Largest distance of a point from its surface [mm]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +35,8 @@ class Points:
 
     def owners(self, skin: Surface, bones: Mapping[str, Surface]) -> list[tuple[str, float]]:
         """The surface on which each point lies, `SKIN` or the name of a bone, and how far it is from it [mm]."""
+        from warp_trunk.geometry.distance_field import SurfaceDistance  # imports Warp
+
         surfaces = {SKIN: skin, **bones}
         if not self.marks.names:
             return []
@@ -65,24 +61,3 @@ def points_text(points: Points) -> str:
     marks = zip(points.marks.names, points.marks.points.tolist(), strict=True)
     rows = [[name, *point, points.pairs.get(name, "")] for name, point in marks]
     return csv_text([[*COLUMNS, PAIR], *rows] if rows else [])
-
-
-def check_points(case: Case, where: str) -> None:
-    """Check that points lie on the skin or a bone, and that each pair is a point on the skin and one on bone.
-
-    Raises:
-        InputError: the first point or pair that violates this.
-    """
-    names, pairs = case.points.marks.names, case.points.pairs
-    owners = dict(zip(names, case.point_owners, strict=True))
-    for name, (owner, off) in owners.items():
-        if off > _FAR:
-            far = f"'{name}' is {off:.1f} mm from {owner}, the nearest surface, {_FAR:g} mm is allowed"
-            raise InputError(f"{where}: {far}; place it on the skin or on a bone")
-    for name, other in pairs.items():
-        if other not in owners:
-            raise InputError(f"{where}: '{name}' names '{other}', which is not among the points; add or rename it")
-        soft, hard = owners[name][0], owners[other][0]
-        if soft != SKIN or hard == SKIN:
-            places = f"'{name}' lies on {soft} and '{other}' on {hard}"
-            raise InputError(f"{where}: {places}; compare a point on the skin with one on a bone")

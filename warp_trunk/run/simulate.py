@@ -17,7 +17,7 @@ from warp_trunk.bone_motion.plan.plan_file import planned_case
 from warp_trunk.bone_motion.prescribed_motion import colliding_bones, folded_tissue
 from warp_trunk.case import Case, check_case
 from warp_trunk.case.checks import check_patient, check_surgery
-from warp_trunk.case.motions import check_passing
+from warp_trunk.case.motion_checks import check_passing
 from warp_trunk.engine.parallel import choose_device, choose_threads
 from warp_trunk.errors import InputError, expect
 from warp_trunk.io.atomic_write import partial
