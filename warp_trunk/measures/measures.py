@@ -15,8 +15,8 @@ from warp_trunk.spine.cobb import CobbAngle, SpineHeight, curves_of, kyphosis, l
 from warp_trunk.spine.spine import SacralLine, Spine, TrunkShift, sacral_line, spine_of, trunk_shift
 
 from .back_rotation import DualTangent, hump_height, tangents_of
+from .levels import largest_at
 from .outlines import FlankAsymmetry, Shoulders, Waist, flank_asymmetry, outlines_of, shoulder_heights, waist_of
-from .quantities import largest_at
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks

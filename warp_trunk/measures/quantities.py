@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal
 from warp_trunk.case.anatomy import LUMBAR, THORACIC
 from warp_trunk.spine.apical import apical_vertebrae
 from warp_trunk.spine.cobb import angles_between
+
+from .levels import JUDGED, Values, largest_at
 
 if TYPE_CHECKING:
     from .measures import TrunkMeasures
@@ -28,14 +30,6 @@ LIKELY = 1.281552
 BEFORE, PREDICTED, ACTUAL, EXACT = "before", "predicted", "actual", "exact"
 """States of a result: before surgery, predicted (of the spine: as planned), as scanned after surgery, and as
 predicted with the intervals of a plan that is carried out exactly."""
-
-JUDGED = (*THORACIC[2:], *LUMBAR)
-"""The levels that decide where the back is turned most: both papers leave out T1 and T2, where a section crosses
-the shoulders and turns with their slope."""
-
-Values = Mapping[str, float | None]
-"""A quantity by level: a vertebra, the ends of a curve such as T5-T12, or "" for the whole trunk; None is
-missing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,12 +205,6 @@ class Measured:
         if value is None or self.low is None or self.high is None:
             return None
         return self.low <= value <= self.high
-
-
-def largest_at(values: Values, levels: Sequence[str] = JUDGED) -> str | None:
-    """Of some levels that of the value of largest size; None where none is known."""
-    sizes = {level: abs(value) for level, value in values.items() if value is not None and level in levels}
-    return max(sizes, key=sizes.__getitem__, default=None)
 
 
 COLUMNS = ("state", "level", "quantity", "value", "low", "high")

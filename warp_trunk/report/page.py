@@ -16,17 +16,9 @@ from warp_trunk.engine.simulation import ON_THE_WAY
 from warp_trunk.geometry.surface import corner_areas
 from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.measures import SkinComparison, TrunkMeasures
+from warp_trunk.measures.levels import JUDGED
 from warp_trunk.measures.part import FollowedPoint, agreement_rows, profile, swept_volumes
-from warp_trunk.measures.quantities import (
-    ACTUAL,
-    BEFORE,
-    DETECTABLE,
-    EXACT,
-    JUDGED,
-    PREDICTED,
-    QUANTITIES,
-    MeasureTable,
-)
+from warp_trunk.measures.quantities import ACTUAL, BEFORE, DETECTABLE, EXACT, PREDICTED, QUANTITIES, MeasureTable
 from warp_trunk.measures.rows import (
     MISSING,
     MeasureRow,

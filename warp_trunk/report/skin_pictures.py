@@ -13,7 +13,8 @@ from matplotlib.patheffects import withStroke
 
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures.back_rotation import hump_top
-from warp_trunk.measures.quantities import Measured, largest_at
+from warp_trunk.measures.levels import largest_at
+from warp_trunk.measures.quantities import Measured
 from warp_trunk.measures.skin_quality import LOOK, STRETCH, SkinChange
 from warp_trunk.views.hump import COLOUR_STEP, Painted, hump_palette, scale_limit
 from warp_trunk.views.relief import BEHIND, FRONT, Relief, Viewpoint, Window, relief, seen_from, window

@@ -18,7 +18,8 @@ from warp_trunk.bone_motion.plan.record import Bound, bounds_of_text, check_boun
 from warp_trunk.engine.linearization import Linearization
 from warp_trunk.errors import InputError
 from warp_trunk.measures import measure
-from warp_trunk.measures.quantities import JUDGED, QUANTITIES, WIDTH, largest_at
+from warp_trunk.measures.levels import JUDGED, largest_at
+from warp_trunk.measures.quantities import QUANTITIES, WIDTH
 
 from .options import RunOptions, with_changes
 from .patient import PreparedPatient, patient_of
