@@ -9,9 +9,13 @@ import shutil
 import struct
 import sys
 import tempfile
+import threading
 from functools import cache
 from pathlib import Path
 
+ENGINE = threading.RLock()
+"""Held while a model or relaxer is made and while one relaxes: the threads of a process take turns, because Warp
+captures for CUDA whatever another thread launches meanwhile, and compiles a kernel for one thread at a time."""
 _LEAST_SPACE = 30_000_000
 """Free space that compiled kernels need [bytes]."""
 _ELF, _MACH_O = b"\x7fELF", b"\xcf\xfa\xed\xfe"

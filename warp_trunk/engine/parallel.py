@@ -9,7 +9,6 @@ CPU, equal to the last bit from run to run.
 from __future__ import annotations
 
 import math
-import threading
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial, wraps
@@ -22,7 +21,7 @@ import warp as wp
 from warp_trunk.errors import InputError
 from warp_trunk.kernels.arguments import Items, filled
 from warp_trunk.kernels.native import NativeKernel
-from warp_trunk.kernels.starting import start_warp
+from warp_trunk.kernels.starting import ENGINE, start_warp
 from warp_trunk.kernels.synchronization import clear_kernel, copy_to_host_kernel
 from warp_trunk.kernels.vectors import slab_gatherer
 from warp_trunk.system import usable_cores
@@ -35,11 +34,6 @@ LEAST_SPLIT = 4096
 """Fewer items than this are run by the calling thread alone: to wait for another takes longer."""
 CUDA_BLOCK = 256
 """Threads of most CUDA blocks; launches are padded to whole blocks because sums are reduced per block."""
-ENGINE = threading.RLock()
-"""Held while a model or relaxer is made and while one relaxes: the threads of a process take turns, because Warp
-captures for CUDA whatever another thread launches meanwhile, and compiles a kernel for one thread at a time."""
-
-
 P = ParamSpec("P")
 R = TypeVar("R")
 

@@ -10,10 +10,9 @@ from typing import Any, Literal
 import numpy as np
 import warp as wp
 
-from warp_trunk.engine.parallel import ENGINE
 from warp_trunk.errors import InputError
 from warp_trunk.kernels.spline import spline_displacement, spline_gradient
-from warp_trunk.kernels.starting import start_warp
+from warp_trunk.kernels.starting import ENGINE, start_warp
 
 from .cores import launch_over_cores
 

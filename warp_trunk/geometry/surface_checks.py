@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warp_trunk.engine.topology import find_pieces
 from warp_trunk.errors import InputError
 from warp_trunk.kernels.surface import crossing_faces
 
@@ -27,8 +26,13 @@ def linked_parts(first: np.ndarray, second: np.ndarray, count: int) -> np.ndarra
     Returns:
         Shape (count,), int32.
     """
-    lowest = find_pieces(np.column_stack([first, second]), count)
-    return np.unique(lowest, return_inverse=True)[1].astype(np.int32)
+    from scipy.sparse import coo_array  # heavy
+    from scipy.sparse.csgraph import connected_components
+
+    links = coo_array((np.ones(len(first), dtype=bool), (first, second)), shape=(count, count))
+    part = connected_components(links, directed=False)[1]
+    start = np.unique(part, return_index=True)[1]
+    return np.argsort(np.argsort(start))[part].astype(np.int32)
 
 
 _INT: Any = wp.int32
