@@ -55,7 +55,7 @@ BROKEN = [
     ("a spine that runs up", lambda p, s, m: (p, s[::-1], m), "the other way, upwards", "highest point first"),
     ("a spine in metres", lambda p, s, m: (p, s / 1000.0, m), "run down by 100 to 700 mm, and runs 0.", "in mm"),
     ("a spine of two points", lambda p, s, m: (p, s[[0, -1]], m), "a line needs 6 points, and has 2", "more"),
-    ("points that are none", lambda p, s, m: (np.vstack([p, [np.nan] * 3]), s, m), "not three finite numbers",
+    ("points that are none", lambda p, s, m: (np.vstack([p, [np.inf] * 3]), s, m), "not three finite numbers",
      "remove it"),
 ]  # fmt: skip
 

@@ -46,6 +46,12 @@ VTK = Path(__file__).parents[1] / "support" / "vtk_files"
 PYRAMID = read_surface(VTK / "ascii.vtp")
 
 
+RAW = re.compile(
+    r"\w+(?:Error|Exception|Warning)\b|could not convert|cannot reshape|zip\(|invalid literal|out of bounds|"
+    r"argument \d|not enough values|too many values|buffer size|unpack requires|object has no|object is not|"
+    r"NoneType|codec|dimension mismatch|inhomogeneous"
+)
+"""Messages of libraries about their own code, which are no use to whoever gave a file."""
 NUMBERS = (b"0", b"-1", b"3", b"nan", b"inf", b"1e308", b"-1e-320", b"4294967295", b"9" * 20, b"1_0", b"")
 BITS = (b"\x00", b"\n", b'"', b",", b"\xef\xbb\xbf", b"\xff" * 8, b"<a>", b"[" * 50, b"#", b"\xed\xa0\x80")
 A_NUMBER = re.compile(rb"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?", re.IGNORECASE)
@@ -211,6 +217,7 @@ def read_or_refused(path: Path, folder: Path, read: Callable[[Path], object]) ->
         assert np.isfinite(found.vertices).all()
         assert 0 <= found.faces.min() <= found.faces.max() < len(found.vertices)
     assert (str(folder) in said, len(said.splitlines())) == (True, 1)
+    assert not RAW.search(said), said
     assert len(said) < 1000
     assert gigabytes() - before < 1.0
 

@@ -2,9 +2,11 @@
 
 import ast
 import importlib
+import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import warp_trunk
@@ -12,6 +14,7 @@ from support.audited import audited
 from support.breaking import content, text
 from support.small_case import small_case
 from warp_trunk.case import read_case
+from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.io.surface_files import read_surface, write_surface
 
 
@@ -29,6 +32,23 @@ def in_stl(folder: Path) -> None:
         (folder / f"{name}.ply").unlink()
 
 
+def with_a_loose_vertex(folder: Path) -> None:
+    skin = read_surface(folder / "skin.ply")
+    lines = [f"v {x} {y} {z}" for x, y, z in [(np.nan, 9e9, 0.0), *skin.vertices.tolist()]]
+    lines += [f"f {a} {b} {c}" for a, b, c in (skin.faces + 2).tolist()]
+    (folder / "skin.obj").write_text("\n".join(lines))
+    (folder / "skin.ply").unlink()
+
+
+def with_measurements(folder: Path) -> None:
+    marks = read_landmarks(folder / "landmarks_before.csv")
+    rows = zip(marks.names, marks.points.tolist(), strict=True)
+    points = [{"label": name, "position": place} for name, place in rows]
+    text = json.dumps({"markups": [{"controlPoints": points, "measurements": [{"value": "?"}]}]})
+    (folder / "landmarks_before.mrk.json").write_text(text.replace('"?"', "-nan(ind)"))
+    (folder / "landmarks_before.csv").unlink()
+
+
 def linked(folder: Path) -> None:
     (folder / "skin.ply").rename(folder / "scan.bin")
     (folder / "skin.ply").symlink_to("scan.bin")
@@ -38,6 +58,8 @@ ODD = [
     ("spaces and letters of other alphabets",
      lambda f: (f / "bones" / "rib_left_07.ply").rename(f / "bones" / "T7 – Wirbel μ.ply")),
     ("hidden files and folders", as_on_a_mac),
+    ("a vertex in no triangle, far away", with_a_loose_vertex),
+    ("numbers that are none in the measurements of Slicer", with_measurements),
     ("surfaces of another format", in_stl),
     ("a byte order mark", content("landmarks_after.csv", lambda b: b"\xef\xbb\xbf" + b.replace(b"\n", b"\r\n"))),
     ("a mark before TOML", content("case.toml", lambda b: b"\xef\xbb\xbf" + b)),
@@ -81,7 +103,7 @@ RUNS = {"pickle", "marshal", "shelve", "dill", "cloudpickle", "joblib", "yaml"}
 
 def test_no_code_reads_pickles_or_runs_text():
     """Every module: no import of what unpickles, no eval or exec, and np.load only without pickles."""
-    folders = [Path(warp_trunk.__file__).parent, Path(importlib.import_module("warp_trunk.kernels").__path__[0])]
+    folders = [Path(warp_trunk.__path__[0]), Path(importlib.import_module("warp_trunk.kernels").__path__[0])]
     for path in (path for folder in folders for path in folder.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             if isinstance(node, ast.Import | ast.ImportFrom):

@@ -69,7 +69,7 @@ class CaseHeader:
 
         Axes other than LPS in case.toml hold for all files; else the header of a file does.
         """
-        surface, space = read_stated(path)
+        surface, space = read_stated(path, self.units)
         if self.axes == "LPS":
             return self.frame.surface_to_lps(in_lps(surface, space), self.units), None
         note = f'{path}: its header says SPACE={space}; axes = "{self.axes}" of case.toml is used.'

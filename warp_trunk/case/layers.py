@@ -13,7 +13,7 @@ import numpy as np
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import write_whole
-from warp_trunk.io.file_access import MOST_SURFACE, check_file, check_within, number, read_text
+from warp_trunk.io.file_access import MOST_SURFACE, FormatError, check_file, check_within, number, read_text
 
 NAMES = ("skin", "fat", "muscle")
 """The layers from outside to inside; their numbers are the labels of tetrahedra. The last reaches to the bones
@@ -211,8 +211,8 @@ def read_numbers(path: Path, count: int) -> np.ndarray:
     texts = [text for line in lines if (text := line.split("#", 1)[0].strip())]
     try:
         values = np.array([number(text) for text in texts])
-    except ValueError as error:
-        raise InputError(f"{path}: cannot be read as one number a line ({str(error)[:80]}); correct it") from error
+    except FormatError as error:
+        raise InputError(f"{path}: cannot be read as one number a line ({error}); correct it") from error
     if values.shape != (count,):
         cure = "give one number a line for each vertex, in the order of the skin"
         raise InputError(f"{path}: has {len(values)} numbers but the skin has {count} vertices; {cure}")

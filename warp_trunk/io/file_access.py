@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from unicodedata import category
+
+import numpy as np
 
 from warp_trunk.errors import InputError
 from warp_trunk.system import limited_memory
@@ -14,6 +17,15 @@ MOST_SURFACE = 2_000_000_000
 """No surface or mesh is larger than this [bytes]."""
 MOST_TEXT = 100_000_000
 """No table of landmarks or numbers is larger than this [bytes]."""
+
+_PACKED = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ": "xz", b"PK\x03\x04": "zip"}
+"""How files begin that are packed."""
+_WINDOWS_NAN = re.compile(r"[-+]?(?:nan\(\w*\)|1\.#\w+)", re.IGNORECASE)
+"""As Windows writes what is no number: -nan(ind), 1.#QNAN, -1.#IND, 1.#INF."""
+
+
+class FormatError(ValueError):
+    """The fault that a reader finds in a file, in words for whoever gave the file."""
 
 
 def check_file(path: Path, expected: str, most: int = MOST_TEXT) -> int:
@@ -40,9 +52,16 @@ def check_file(path: Path, expected: str, most: int = MOST_TEXT) -> int:
 
 
 def read_bytes(path: Path, expected: str, most: int = MOST_TEXT) -> bytes:
-    """The content of a file; InputError as `check_file`."""
+    """The content of a file.
+
+    Raises:
+        InputError: as `check_file`, or it is packed.
+    """
     check_file(path, expected, most)
-    return path.read_bytes()
+    content = path.read_bytes()
+    if packer := next((name for start, name in _PACKED.items() if content.startswith(start)), None):
+        raise InputError(f"{path}: is packed by {packer}; unpack it first, {expected}")
+    return content
 
 
 def read_text(path: Path, expected: str, most: int = MOST_TEXT) -> str:
@@ -87,20 +106,38 @@ def check_within(folder: Path, path: Path) -> None:
 
 
 def reason(error: BaseException) -> str:
-    """The error of a library in a few words; that of a ValueError says enough without its name."""
-    name = "" if type(error) is ValueError else f"{type(error).__name__}: "
-    return " ".join(f"{name}{error}".split())[:200]
+    """The fault of a file in a few words. Those of a library name its code, not the file: they are left out."""
+    if isinstance(error, FormatError):
+        return " ".join(str(error).split())[:200]
+    if isinstance(error, MemoryError):
+        return "it needs more memory than a file of its size should"
+    place = getattr(error, "position", None)  # of XML
+    return "it is damaged, or of another format than its name says" + (f", at line {place[0]}" if place else "")
 
 
 def number(text: str) -> float:
-    """A number as files write it; float() would also take 1_000 for a thousand.
+    """A number as files write it, NaN also as Windows writes it; float() would take 1_000 for a thousand.
 
     Raises:
-        ValueError: the text is none.
+        FormatError: the text is none.
     """
-    if "_" in text:
-        raise ValueError(f"could not convert string to float: {text!r}")
-    return float(text)
+    try:
+        if "_" not in text:
+            return float(text)
+    except ValueError:
+        if _WINDOWS_NAN.fullmatch(text):
+            return float("nan")
+    raise FormatError(f"a number was expected, not {text[:40]!r}")
+
+
+def numbers(words: Sequence[bytes | str]) -> np.ndarray:
+    """Many numbers as `number`, float64."""
+    try:
+        if not any(b"_" in word if isinstance(word, bytes) else "_" in word for word in words):
+            return np.array(words, dtype=np.float64)
+    except ValueError:
+        pass
+    return np.array([number(word.decode("latin-1") if isinstance(word, bytes) else word) for word in words])
 
 
 def is_plain(name: str) -> bool:

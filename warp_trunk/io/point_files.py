@@ -10,11 +10,11 @@ import numpy as np
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.colours import as_colours
 
-from .file_access import MOST_SURFACE, number, parsing, read_bytes
+from .file_access import MOST_SURFACE, FormatError, check_file, number, parsing, read_bytes
 from .surface_files.ply import ply_colours, ply_columns
 from .surface_files.polygons import read_obj
 from .surface_files.space import stated_space
-from .surface_files.surface_reader import ENDINGS, parse
+from .surface_files.surface_reader import ENDINGS, cure_of, parse
 
 _TEXT = (".xyz", ".csv", ".txt", ".asc", ".pts")
 _SPLIT = re.compile(rb"[,;\s]+")
@@ -31,21 +31,27 @@ def read_scan(path: str | Path) -> tuple[np.ndarray, np.ndarray | None]:
 
     Text holds x, y and z in the first three columns of each line, split by blanks, commas or semicolons, under at
     most one line of titles. Of a surface the vertices are taken, and the middles of its triangles; they have
-    colours as `read_surface` has. Other columns of a text are passed over.
+    colours as `read_surface` has. Other columns of a text are passed over, and so are
+    rows of a single number (the count of PTS) and points whose coordinates are all NaN (of organised clouds).
 
     Raises:
         InputError: the file is missing, too large or cannot be read, or a number is not finite.
     """
     path = Path(path)
     kinds = ", ".join(sorted({*ENDINGS, *_TEXT}))
-    content = read_bytes(path, f"a file of points or a surface ({kinds}) was expected", MOST_SURFACE)
-    ending = path.suffix.lower()
+    ending, expected = path.suffix.lower(), f"a file of points or a surface ({kinds}) was expected"
     if ending not in ENDINGS and ending not in _TEXT:
-        raise InputError(f"{path}: cannot be read as points ('{ending}' is not known); use {kinds}")
+        check_file(path, expected, MOST_SURFACE)
+        raise InputError(f"{path}: cannot be read as points ('{ending}' is not known); {cure_of(ending, kinds)}")
+    content = read_bytes(path, expected, MOST_SURFACE)
     with parsing(path, "points", len(content)):
         points, colours = _parsed(ending, content, path)
         if ending in ENDINGS and stated_space(ending, content) == "RAS":
             points *= (-1.0, -1.0, 1.0)
+    seen = ~np.isnan(points).all(axis=1)  # organised clouds have a row of NaN for each pixel without a point
+    points, colours = points[seen], None if colours is None else colours[seen]
+    if not len(points):
+        raise InputError(f"{path}: it holds no points; {expected}")
     bad = np.flatnonzero(~(np.isfinite(points).all(axis=1) & (np.abs(points).max(axis=1, initial=0.0) < 1e7)))
     if len(bad):
         raise InputError(f"{path}: point {bad[0]} is {points[bad[0]]}, not three finite numbers; remove it")
@@ -74,11 +80,12 @@ def _parsed(ending: str, content: bytes, path: Path) -> tuple[np.ndarray, np.nda
 def _table(content: bytes) -> np.ndarray:
     lines = [line for line in (raw.strip() for raw in content.splitlines()) if line and line[:1] not in b"#/"]
     rows = [_SPLIT.split(line)[:3] for line in lines]
+    rows = [row for row in rows if not (len(row) == 1 and row[0].isdigit())]  # a PTS begins with a count
     if rows and not rows[0][0][:1].isdigit() and rows[0][0][:1] not in (b"-", b"+", b"."):
         rows = rows[1:]
     if not rows:
-        raise ValueError("it holds no points")
+        raise FormatError("it holds no points")
     short = next((number for number, row in enumerate(rows, start=1) if len(row) < 3), None)
     if short:
-        raise ValueError(f"row {short} has fewer than three numbers")
+        raise FormatError(f"row {short} has fewer than three numbers")
     return np.array([[number(word.decode()) for word in row] for row in rows])

@@ -19,6 +19,9 @@ from warp_trunk.errors import InputError, nearest, within
 from .file_access import read_text
 
 Record = TypeVar("Record")
+_NO_NUMBER = re.compile(
+    r"(?<=[:\[, \n])[-+]?(?:nan|inf(?:inity)?|1\.#\w+)(?:\(\w*\))?(?=\s*[,}\]])", re.IGNORECASE
+)
 _MOST = 1_000_000
 """No file of TOML is longer than this [bytes]."""
 _IN_WORDS = {
@@ -68,8 +71,9 @@ def read_json(path: Path, kind: type[Record], expected: str, fault: str, cure: s
     Raises:
         InputError: a missing file, with what was `expected`, or one that is none, with its `fault` and the `cure`.
     """
+    text = _NO_NUMBER.sub("null", read_text(path, expected))  # which JSON does not have, and programs write
     try:
-        return msgspec.json.decode(read_text(path, expected), type=kind)
+        return msgspec.json.decode(text, type=kind)
     except (msgspec.DecodeError, RecursionError) as error:
         raise InputError(f"{path}: {fault} ({error}); {cure}") from error
 

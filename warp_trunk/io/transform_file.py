@@ -9,7 +9,7 @@ import numpy as np
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import FARTHEST
 
-from .file_access import number, read_text
+from .file_access import FormatError, numbers, read_text
 
 _ITK = "#Insight Transform File"
 _AFFINE = ("AffineTransform_", "MatrixOffsetTransformBase_")
@@ -37,13 +37,14 @@ def read_transform(path: str | Path, axes: np.ndarray | None = None) -> np.ndarr
     if text.startswith(_ITK):
         return np.linalg.inv(rigid(_itk_matrix(text, str(path)), str(path)))
     change[:3, :3] = np.eye(3) if axes is None else axes
+    words = text.replace(",", " ").split()
     try:
-        matrix = np.array([number(word) for word in text.replace(",", " ").split()]).reshape(4, 4)
-    except ValueError as error:
-        raise InputError(
-            f"{path}: must hold 16 numbers and nothing else ({str(error)[:80]}); give a 4x4 matrix"
-        ) from error
-    return change @ rigid(matrix, str(path)) @ change.T
+        matrix = numbers(words)
+        if len(matrix) != 16:
+            raise FormatError(f"there are {len(matrix)}")
+    except FormatError as error:
+        raise InputError(f"{path}: must hold 16 numbers and nothing else ({error}); give a 4x4 matrix") from error
+    return change @ rigid(matrix.reshape(4, 4), str(path)) @ change.T
 
 
 def _itk_matrix(text: str, name: str) -> np.ndarray:
@@ -56,16 +57,18 @@ def _itk_matrix(text: str, name: str) -> np.ndarray:
             f"{name}: holds {', '.join(kinds) or 'no transform'}, and must hold a single one of "
             f"{' or '.join(_AFFINE)}; harden it into a linear transform and save it as .tfm"
         )
+    parameters, fixed = entries.get("Parameters", []), entries.get("FixedParameters", ["0"] * 3)
     try:
-        numbers = np.array([number(word) for word in entries["Parameters"]])
-        centre = np.array([number(word) for word in entries.get("FixedParameters", ["0"] * 3)])
-        matrix = np.eye(4)
-        matrix[:3, :3] = numbers.reshape(12)[:9].reshape(3, 3)
-        matrix[:3, 3] = numbers[9:] + centre.reshape(3) - matrix[:3, :3] @ centre
-    except (KeyError, ValueError) as error:
+        if (len(parameters), len(fixed)) != (12, 3):
+            raise FormatError(f"there are {len(parameters)} and {len(fixed)}")
+        values, centre = numbers(parameters), numbers(fixed)
+    except FormatError as error:
         raise InputError(
-            f"{name}: must hold 12 Parameters and 3 FixedParameters ({str(error)[:60]}); save the transform again"
+            f"{name}: must hold 12 Parameters and 3 FixedParameters ({error}); save the transform again"
         ) from error
+    matrix = np.eye(4)
+    matrix[:3, :3] = values[:9].reshape(3, 3)
+    matrix[:3, 3] = values[9:] + centre - matrix[:3, :3] @ centre
     return matrix
 
 

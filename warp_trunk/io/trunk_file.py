@@ -13,9 +13,12 @@ import numpy as np
 from warp_trunk.engine.trunk_mesh import TrunkMesh, check_trunk
 from warp_trunk.errors import InputError
 
-from .file_access import reason
+from .file_access import FormatError, reason
 from .volume_files import read_mesh
 
+_PARTS = {"skin_vertex": "point_data", "displacement": "point_data", "bone": "point_data", "part": "cell_data",
+          "bone_names": "field_data"}  # fmt: skip
+"""Arrays without which a mesh is no trunk."""
 BLOCK = 1 << 15
 """Bytes that are packed together, as in VTK's own files."""
 _KINDS = {"i": "Int", "u": "UInt", "f": "Float"}
@@ -155,6 +158,9 @@ def read_trunk(path: str | Path) -> tuple[TrunkMesh, np.ndarray]:
     path = Path(path)
     mesh = read_mesh(path)
     try:
+        for name, data in _PARTS.items():
+            if name not in getattr(mesh, data):
+                raise FormatError(f"it has no {data.replace('_', ' ')} {name!r}")
         part = np.concatenate(mesh.cell_data["part"])
         kinds = np.repeat([block.type for block in mesh.cells], [len(block.data) for block in mesh.cells])
         triangles = _integers(mesh.cells_dict["triangle"])
@@ -189,9 +195,9 @@ def read_trunk(path: str | Path) -> tuple[TrunkMesh, np.ndarray]:
 
 
 def _integers(values: np.ndarray) -> np.ndarray:
-    """Whole numbers as int32; ValueError for others, which a cast would round or wrap."""
+    """Whole numbers as int32; FormatError for others, which a cast would round or wrap."""
     if not np.issubdtype(values.dtype, np.integer) or (
         values.size and np.abs(values).max() > np.iinfo(np.int32).max
     ):
-        raise ValueError(f"whole numbers were expected, not {values.dtype}")
+        raise FormatError(f"whole numbers were expected, not {values.dtype}")
     return values.astype(np.int32)

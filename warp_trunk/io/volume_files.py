@@ -13,7 +13,7 @@ import numpy as np
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import FARTHEST
 
-from .file_access import MOST_SURFACE, parsing, read_bytes
+from .file_access import MOST_SURFACE, FormatError, parsing, read_bytes
 from .surface_files.space import stated_space
 from .surface_files.vtk import read_vtk_grid, read_vtu
 
@@ -70,7 +70,10 @@ def _read_abaqus(path: str) -> Any:
     knows C3D4 alone."""
     import meshio  # heavy
 
-    text = re.sub(
-        r"(?im)^(\s*\*\s*element\b.*\btype\s*=\s*C3D4)[A-Z]+", r"\1", Path(path).read_text("utf-8", "replace")
-    )
-    return meshio.abaqus.read(StringIO(text))
+    tables: Any = meshio.abaqus
+    text = Path(path).read_text("utf-8", "replace")
+    linear = re.sub(r"(?im)^(\s*\*\s*element\b.*\btype\s*=\s*C3D4)[A-Z]+", r"\1", text)
+    kinds = re.findall(r"(?im)^\s*\*\s*element\b.*?\btype\s*=\s*(\w+)", linear)
+    if unread := [kind for kind in kinds if kind.upper() not in tables._abaqus.abaqus_to_meshio_type]:
+        raise FormatError(f"its elements {unread[0]} are not read; write tetrahedra C3D4")
+    return meshio.abaqus.read(StringIO(linear))

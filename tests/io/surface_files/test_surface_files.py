@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from trimesh.visual import TextureVisuals
+from trimesh.visual import ColorVisuals, TextureVisuals
 
 from support.audited import audited
 from warp_trunk.errors import InputError
@@ -249,3 +249,145 @@ def test_vertices_doubled_along_a_seam_are_one(tmp_path, ending):
     twice = Surface(np.vstack([PYRAMID.vertices] * 2), np.vstack([PYRAMID.faces, PYRAMID.faces + 5]))
     write_surface(tmp_path / f"b.{ending}", twice)
     assert len(read_surface(tmp_path / f"b.{ending}").vertices) == 10
+
+
+def of_nodes(mesh, **nodes):
+    scene = trimesh.Scene()
+    for name, matrix in nodes.items():
+        scene.add_geometry(mesh, node_name=name, transform=matrix)
+    return scene
+
+
+def colours_of_box():
+    return np.array(
+        [[250, 0, 0, 255], [0, 250, 0, 255], [0, 0, 250, 255], [9, 9, 9, 255], [90, 90, 90, 255]], "u1"
+    )
+
+
+@pytest.mark.parametrize("coloured", [False, True])
+def test_a_glb_is_read_the_same_way_with_colours_and_without(tmp_path, coloured):
+    """A node that mirrors turns the triangles; lines and points beside the surface are passed over."""
+    mesh = trimesh.Trimesh(PYRAMID.vertices, PYRAMID.faces, process=False)
+    if coloured:
+        mesh.visual = ColorVisuals(mesh, vertex_colors=colours_of_box())
+    scene = of_nodes(mesh, mirrored=np.diag([-1.0, 1.0, 1.0, 1.0]))
+    scene.add_geometry(trimesh.load_path(np.array([[0.0, 0, 0], [50, 0, 0], [50, 50, 0]])))
+    scene.add_geometry(trimesh.PointCloud(np.array([[0.0, 0, 90], [1, 0, 90]])))
+    scene.export(tmp_path / "a.glb")
+    back = read_surface(tmp_path / "a.glb")
+    expected = trimesh.Trimesh(PYRAMID.vertices * [-1, 1, 1], PYRAMID.faces[:, ::-1], process=False)
+    np.testing.assert_allclose(np.sort(back.vertices, axis=0), np.sort(expected.vertices, axis=0), atol=1e-5)
+    volume = (
+        np.einsum(
+            "fx,fx->",
+            back.vertices[back.faces[:, 0]],
+            np.cross(back.vertices[back.faces[:, 1]], back.vertices[back.faces[:, 2]]),
+        )
+        / 6.0
+    )
+    assert volume == pytest.approx(expected.volume)
+    assert (back.colours is not None) == coloured
+
+
+def test_a_glb_in_metres_as_gltf_has_them_is_read_in_mm(tmp_path):
+    of_nodes(trimesh.Trimesh(PYRAMID.vertices / 1000.0, PYRAMID.faces), a=np.eye(4)).export(tmp_path / "a.glb")
+    extent = np.ptp(read_surface(tmp_path / "a.glb").vertices, axis=0)
+    np.testing.assert_allclose(extent, [10, 10, 10.1], atol=1e-4)
+    assert np.ptp(read_stated(tmp_path / "a.glb", "m")[0].vertices, axis=0).max() < 0.02  # case.toml states it
+
+
+@pytest.mark.parametrize(
+    ("extension", "said"),
+    [
+        ("KHR_materials_unlit", None),
+        ("KHR_texture_transform", None),
+        ("KHR_draco_mesh_compression", "it needs KHR_draco"),
+    ],
+)
+def test_an_extension_of_colours_decides_nothing(tmp_path, extension, said):
+    write_surface(tmp_path / "a.glb", PYRAMID)
+    content = (tmp_path / "a.glb").read_bytes()
+    length = struct.unpack_from("<I", content, 12)[0]
+    scene = json.loads(content[20 : 20 + length]) | {"extensionsRequired": [extension]}
+    text = json.dumps(scene).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I", len(text)) + b"JSON" + text + content[20 + length :]
+    (tmp_path / "a.glb").write_bytes(b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks)
+    if said is None:
+        assert len(read_surface(tmp_path / "a.glb").faces) == 6
+    else:
+        with pytest.raises(InputError, match=said):
+            read_surface(tmp_path / "a.glb")
+
+
+ODD_OBJ = [
+    "\ufeff" + FRIENDLY_OBJ,
+    "mtllib\n" + FRIENDLY_OBJ,
+    "mtllib a.mtl\nvt 0 0\n" + FRIENDLY_OBJ.replace("f 1 3 2", "f 1/1 3/1 2/1"),
+    "usemtl a\nvt 0 -nan(ind)\nvn x 1.#QNAN 0\n" + FRIENDLY_OBJ.replace("f 1 3 2", "f 1/9/7 3/x/0 2/-5/1"),
+    FRIENDLY_OBJ.replace("f 1 3 2", "v nan nan nan\nv 9e9 0 0\nf 1 3 2"),
+]
+
+
+@pytest.mark.parametrize("text", ODD_OBJ)
+def test_what_an_obj_does_not_need_decides_nothing(tmp_path, text):
+    """A mark before it, textures without a material, their places, normals, vertices in no triangle."""
+    (tmp_path / "a.obj").write_text(text, encoding="utf-8")
+    (tmp_path / "a.mtl").write_text("newmtl a\nKd 0.5 0.5 0.5\n")
+    surface = read_surface(tmp_path / "a.obj")
+    np.testing.assert_array_equal(surface.vertices[surface.faces], [
+        [[0, 0, 0], [0, 1, 0], [1, 0, 0]], [[0, 0, 0], [1, 0, 0], [0, 0, 1]],
+        [[1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]],
+    ])  # fmt: skip
+
+
+@pytest.mark.parametrize("none", ["-nan(ind)", "1.#QNAN", "nan", "-1.#IND"])
+def test_normals_that_are_no_numbers_decide_nothing(tmp_path, none):
+    head = "ply\nformat ascii 1.0\nelement vertex 4\n"
+    head += "".join(f"property float {name}\n" for name in ("x", "y", "z", "nx"))
+    faces = "3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n"
+    body = f"0 0 0 1\n1 0 0 {none}\n0 1 0 1\n0 0 1 {none}\n{faces}"
+    head += "element face 4\nproperty list uchar int vertex_indices\nend_header\n"
+    (tmp_path / "a.ply").write_text(head + body)
+    assert len(read_surface(tmp_path / "a.ply").faces) == 4
+    (tmp_path / "a.ply").write_text(head + body.replace("1 0 0 ", f"{none} 0 0 "))
+    with pytest.raises(InputError, match="1 of 4 vertices are not finite"):
+        read_surface(tmp_path / "a.ply")
+
+
+def test_unnamed_columns_in_the_metadata_of_vtk_are_read(tmp_path):
+    """As VTK writes names of the columns of which one is empty."""
+    vtk = pytest.importorskip("vtk")
+    numpy_to_vtk = pytest.importorskip("vtk.util.numpy_support").numpy_to_vtk
+
+    data, points, cells = vtk.vtkPolyData(), vtk.vtkPoints(), vtk.vtkCellArray()
+    array = numpy_to_vtk(PYRAMID.vertices, deep=True)
+    array.SetComponentName(0, "left")
+    array.SetComponentName(2, "up")
+    array.GetRange(-1)
+    points.SetData(array)
+    for face in PYRAMID.faces.tolist():
+        cells.InsertNextCell(3, face)
+    data.SetPoints(points)
+    data.SetPolys(cells)
+    writer = vtk.vtkPolyDataWriter()
+    writer.SetFileName(str(tmp_path / "a.vtk"))
+    writer.SetInputData(data)
+    assert writer.Write()
+    assert b"COMPONENT_NAMES" in (tmp_path / "a.vtk").read_bytes()
+    assert_same(read_surface(tmp_path / "a.vtk"), PYRAMID, 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("a.usdz", b"PK\x03\x04", "export it as PLY, OBJ or GLB"),
+        ("a.ply.gz", b"\x1f\x8b\x08", "unpack it first"),
+        ("a.ply", b"\x1f\x8b\x08", "is packed by gzip; unpack it first"),
+        ("a.obj", b"PK\x03\x04", "is packed by zip; unpack it first"),
+    ],
+)
+def test_packed_files_and_formats_of_phones_have_their_cure(tmp_path, name, content, said):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=said):
+        read_surface(tmp_path / name)

@@ -19,7 +19,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 
-from ..file_access import MOST_SURFACE, check_file, parsing
+from ..file_access import MOST_SURFACE, FormatError, check_file, parsing
 from .image import Image, Stored
 
 ENDINGS = (".nii", ".nii.gz", ".nrrd")
@@ -86,10 +86,10 @@ def _converted(path: Path, stored: Stored, scan: bool) -> Image:
     """The image in the smallest type, converted slab by slab, so that no second copy of the whole is made."""
     shape = stored.shape
     if len(shape) not in (3, 4) or (len(shape) == 4 and scan):
-        raise ValueError(f"it has {len(shape)} dimensions, {' x '.join(map(str, shape))}; give a volume of 3")
+        raise FormatError(f"it has {len(shape)} dimensions, {' x '.join(map(str, shape))}; give a volume of 3")
     check_grid(path, shape[-3:], stored.affine)
     if math.prod(shape) > _MOST_VOXELS:
-        raise ValueError(f"its header gives {math.prod(shape):.2g} voxels, {_MOST_VOXELS:.0e} is the most")
+        raise FormatError(f"its header gives {math.prod(shape):.2g} voxels, {_MOST_VOXELS:.0e} is the most")
     for names in stored.names:
         odd = next((name for name in names.values() if not name.isprintable()), None)
         if odd is not None:
@@ -107,18 +107,18 @@ def _converted(path: Path, stored: Stored, scan: bool) -> Image:
 
 
 def _labels(slab: np.ndarray) -> np.ndarray:
-    """Labels as the smallest type that holds them; ValueError for numbers that are no labels."""
+    """Labels as the smallest type that holds them; FormatError for numbers that are no labels."""
     if slab.dtype.kind not in "iuf":
-        raise ValueError(f"its voxels are of the type {slab.dtype}, and only numbers are read")
+        raise FormatError(f"its voxels are of the type {slab.dtype}, and only numbers are read")
     odd = slab[~(np.isfinite(slab) & (slab == np.rint(slab)))] if slab.dtype.kind == "f" else np.empty(0)
     if odd.size:
-        raise ValueError(
+        raise FormatError(
             f"labels are whole numbers, and it holds {odd[0]:g}; give the label map, not probabilities or the "
             "scan itself"
         )
     low, high = slab.min(), slab.max()
     if low < 0 or high > _MOST_LABEL:
-        raise ValueError(
+        raise FormatError(
             f"labels are from 0 to {_MOST_LABEL}, and it holds {low if low < 0 else high:g}; give the label map, "
             "not the scan itself (that is --ct)"
         )

@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from ..file_access import FormatError
 from .image import Stored
 
 _UNITS = {"mm": 1.0, "meter": 1000.0, "micron": 1e-3, "unknown": 1.0}
@@ -49,10 +50,10 @@ def open_nifti(path: Path, scan: bool) -> Iterator[Stored]:
         while len(shape) > 3 and shape[-1] == 1:
             shape = shape[:-1]
         if len(shape) != 3:
-            raise ValueError(f"it has {len(shape)} dimensions, {' x '.join(map(str, shape))}; give a volume of 3")
+            raise FormatError(f"it has {len(shape)} dimensions, {' x '.join(map(str, shape))}; give a volume of 3")
         voxels = image.dataobj
         if not scan and (voxels.slope, voxels.inter) != (1.0, 0.0):
-            raise ValueError(
+            raise FormatError(
                 f"labels have no scale, and its header gives {voxels.slope:g} and {voxels.inter:g}; give the "
                 "label map, not the scan"
             )
@@ -63,7 +64,7 @@ def open_nifti(path: Path, scan: bool) -> Iterator[Stored]:
             try:
                 return np.asarray(voxels[(..., part, *rest)])
             except (OSError, EOFError, ValueError) as error:
-                raise ValueError(f"it is cut off, or its voxels are damaged: {error}") from error
+                raise FormatError("it is cut off, or its voxels are damaged") from error
 
         yield Stored(slabs, shape, affine, (_names(image.header),), notes)
         stream.read(1)  # past the end, where gzip's checksum is verified
@@ -73,7 +74,7 @@ def _affine(header: Any, shape: tuple[int, ...]) -> tuple[np.ndarray, tuple[str,
     """From voxels to LPS in mm, and what is doubtful about it."""
     by_s, by_q = header.get_sform(coded=True)[0], header.get_qform(coded=True)[0]
     if by_s is None and by_q is None:
-        raise ValueError("neither its sform nor its qform states where the patient's left is; write it with one")
+        raise FormatError("neither its sform nor its qform states where the patient's left is; write it with one")
     affine = by_q if by_s is None else by_s
     notes: list[str] = []
     if by_s is not None and by_q is not None:
@@ -90,7 +91,7 @@ def _affine(header: Any, shape: tuple[int, ...]) -> tuple[np.ndarray, tuple[str,
             )
     unit = header.get_xyzt_units()[0]
     if unit not in _UNITS:
-        raise ValueError(f"its lengths are in '{unit}'; write it in mm")
+        raise FormatError(f"its lengths are in '{unit}'; write it in mm")
     return _LPS @ np.diag([_UNITS[unit]] * 3 + [1.0]) @ affine, tuple(notes)
 
 
@@ -105,7 +106,7 @@ def _names(header: Any) -> dict[int, str]:
         if "<Label " not in text:
             continue
         if "<!DOCTYPE" in text or "<!ENTITY" in text:
-            raise ValueError("the names of its labels define entities, which no table needs")
+            raise FormatError("the names of its labels define entities, which no table needs")
         return {
             int(label.attrib["Key"]): (label.text or "").strip()
             for label in ElementTree.fromstring(text).iter("Label")

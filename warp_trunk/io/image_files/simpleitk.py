@@ -11,6 +11,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 
+from ..file_access import FormatError
 from .image import Stored
 
 _UNEVEN = 0.1
@@ -23,7 +24,7 @@ def open_nrrd(path: Path) -> Stored:
     """The image of an NRRD; no other file is opened, whatever the header names.
 
     Raises:
-        ValueError: its header names another file, or does not state the orientation, or the segments do not fit.
+        FormatError: its header names another file, or does not state the orientation, or the segments do not fit.
         RuntimeError: what SimpleITK refuses.
     """
     _check_header(path)
@@ -44,26 +45,26 @@ def open_nrrd(path: Path) -> Stored:
 
 
 def _check_header(path: Path) -> None:
-    """ValueError for a header with which SimpleITK would read another file, or put voxels at a wrong place."""
+    """FormatError for a header with which SimpleITK would read another file, or put voxels at a wrong place."""
     with path.open("rb") as file:
         if file.read(4) != b"NRRD":
-            raise ValueError("it does not begin as an NRRD")
+            raise FormatError("it does not begin as an NRRD")
         text = file.read(1_000_000).replace(b"\r\n", b"\n").partition(b"\n\n")[0].decode("utf-8", "replace")
     header = {
         key.strip().lower(): value.strip() for key, _, value in (line.partition(":") for line in text.split("\n"))
     }
     if {"data file", "datafile"} & set(header):
-        raise ValueError("it keeps its voxels in another file, which is not opened; save all in one")
+        raise FormatError("it keeps its voxels in another file, which is not opened; save all in one")
     space, axes = header.get("space", ""), header.get("space directions", "")
     stated = re.fullmatch(_SPACES, space.lower()) and axes
     if header.get("dimension") in ("3", "4") and not stated:
-        raise ValueError(
+        raise FormatError(
             f"its space is '{space[:40]}' and its space directions are '{axes[:40]}'; save it with both, in LPS "
             "or RAS, so that the patient's left is known"
         )
     units = {unit.strip('"').lower() for unit in header.get("space units", "").split()}
     if units - {"mm", "millimeter", "millimeters", ""}:
-        raise ValueError(f"its lengths are in {', '.join(sorted(units))}; save it in mm")
+        raise FormatError(f"its lengths are in {', '.join(sorted(units))}; save it in mm")
 
 
 def _segments(header: Mapping[str, str], layers: int) -> tuple[dict[int, str], ...]:
@@ -75,9 +76,9 @@ def _segments(header: Mapping[str, str], layers: int) -> tuple[dict[int, str], .
         layer = number if old and layers > 1 else int(header.get(f"Segment{number}_Layer", 0))
         value = int(header.get(f"Segment{number}_LabelValue", 1 if layers > 1 else number + 1))
         if not 0 <= layer < layers:
-            raise ValueError(f"its segment '{name}' is said to be in layer {layer}, there are {layers}")
+            raise FormatError(f"its segment '{name}' is said to be in layer {layer}, there are {layers}")
         if value in names[layer]:
-            raise ValueError(f"its segments '{names[layer][value]}' and '{name}' have the same label {value}")
+            raise FormatError(f"its segments '{names[layer][value]}' and '{name}' have the same label {value}")
         names[layer][value] = name
         number += 1
     return names
@@ -88,7 +89,7 @@ def open_series(folder: Path) -> Stored:
 
     Raises:
         InputError: there is no series or more than one, or a slice is damaged.
-        ValueError: it is no CT, a slice is missing or of another direction.
+        FormatError: it is no CT, a slice is missing or of another direction.
     """
     package = _package()
     reader: Any = package.ImageSeriesReader()
@@ -129,16 +130,16 @@ def _affine(package: Any, files: tuple[str, ...]) -> np.ndarray:
         header.SetFileName(file)
         header.ReadImageInformation()
         if header.GetMetaData("0008|0060").strip() != "CT":
-            raise ValueError(f"{Path(file).name} is no CT but {header.GetMetaData('0008|0060').strip()}")
+            raise FormatError(f"{Path(file).name} is no CT but {header.GetMetaData('0008|0060').strip()}")
         places.append(header.GetOrigin())
         turns.append(header.GetDirection())
         axes = np.reshape(turns[-1], (3, 3))[:, :2] * header.GetSpacing()[:2]
     steps = np.diff(places, axis=0)
     if len(files) < 2 or np.ptp(turns, axis=0).max() > 1e-3:
-        raise ValueError(f"its {len(files)} slices are no stack of parallel ones")
+        raise FormatError(f"its {len(files)} slices are no stack of parallel ones")
     if np.ptp(steps, axis=0).max() > _UNEVEN:
         gaps = np.linalg.norm(steps, axis=1)
-        raise ValueError(f"steps from slice to slice are {gaps.min():.2f} to {gaps.max():.2f} mm; one is missing")
+        raise FormatError(f"steps from slice to slice are {gaps.min():.2f} to {gaps.max():.2f} mm; one is missing")
     affine = np.eye(4)
     affine[:3, :2], affine[:3, 2], affine[:3, 3] = axes, steps.mean(axis=0), places[0]
     return affine

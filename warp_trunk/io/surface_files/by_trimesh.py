@@ -6,6 +6,7 @@ What it would take for something else without a word is refused here first.
 from __future__ import annotations
 
 import io
+import logging
 import re
 import struct
 import warnings
@@ -16,10 +17,16 @@ import numpy as np
 
 from warp_trunk.geometry.colours import from_linear, mean_colours
 
+from ..file_access import FormatError
 from .textures import corner_colours, material_of
 
+_log = logging.getLogger("warp_trunk")
 _UINT16 = 5123
 """Type of colours that trimesh 5.2 reads wrongly."""
+_TRIANGLES, _UNREAD_MODES = 4, (2, 6)
+"""Kinds of primitives: triangles; loops of lines and fans of triangles, which trimesh 5.2 passes over."""
+_OF_COLOURS = ("KHR_materials", "KHR_texture", "EXT_texture", "MSFT_texture", "KHR_lights", "KHR_xmp")
+"""How extensions begin that do not change places."""
 _MOST_NODES = 1000
 """Each node repeats the triangles of its mesh, so that a small file could stand for any number of them."""
 
@@ -29,11 +36,11 @@ def read_stl(content: bytes) -> tuple[np.ndarray, np.ndarray]:
     text = content.lower() if _is_ascii_stl(content) else b""
     if text and b"facet" not in text:
         said = struct.unpack_from("<I", content, 80)[0] if len(content) >= 84 else 0
-        raise ValueError(f"its header says {said} triangles, its {len(content)} bytes hold another number")
+        raise FormatError(f"its header says {said} triangles, its {len(content)} bytes hold another number")
     if text and text.count(b"endfacet") * 3 != len(re.findall(rb"\bvertex\b", text)):
-        raise ValueError("facets without three vertices; the file is cut off or damaged")
+        raise FormatError("facets without three vertices; the file is cut off or damaged")
     if text and b"endsolid" not in text[text.rfind(b"endfacet") :]:
-        raise ValueError("there is no 'endsolid'; the file is cut off")
+        raise FormatError("there is no 'endsolid'; the file is cut off")
     return _load(content, "stl")
 
 
@@ -45,7 +52,7 @@ def _is_ascii_stl(content: bytes) -> bool:
 def read_off(content: bytes) -> tuple[np.ndarray, np.ndarray]:
     """Vertices and triangles."""
     if any(b"_" in line.split(b"#")[0] for line in content.splitlines()):
-        raise ValueError("numbers have no underscores")
+        raise FormatError("numbers have no underscores")
     return _load(content, "off")
 
 
@@ -56,62 +63,96 @@ def read_glb(content: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]
     """
     scene = _scene(content)
     check_scene(scene, len(content))
-    of_vertices = {
-        part["attributes"]["COLOR_0"]
-        for mesh in scene.get("meshes", [])
-        for part in mesh["primitives"]
-        if "COLOR_0" in part["attributes"]
-    }
-    if not of_vertices and not scene.get("images"):
-        return *_load(content, "glb"), None
+    pictures = _embedded(scene)
     import trimesh  # heavy
 
-    whole: Any = trimesh.load_scene(io.BytesIO(content), file_type="glb", process=False)
-    placed = [whole.graph[node] for node in whole.graph.nodes_geometry]
-    parts = [whole.geometry[name] for _, name in placed]
-    vertices = [trimesh.transform_points(whole.geometry[name].vertices, matrix) for matrix, name in placed]
-    usable = all(scene["accessors"][number]["componentType"] != _UINT16 for number in of_vertices)
-    linear = "trimesh" not in scene.get("asset", {}).get("generator", "")  # which writes them as they are
-    colours, faces, start = [], [], 0
-    for part in parts:
-        found, visual = np.full((len(part.vertices), 3), np.nan), part.visual
-        if visual.kind == "texture":
-            uv = np.zeros((len(found), 2)) if visual.uv is None else visual.uv
-            seen = corner_colours(uv[part.faces], material_of(visual)).reshape(-1, 3)
-            found = mean_colours(seen, part.faces.reshape(-1), len(found))
-            if (own := visual.vertex_attributes.get("color")) is not None:
-                own = own[:, :3] / (np.iinfo(own.dtype).max if own.dtype.kind == "u" else 1.0)
-                found = found * (from_linear(own) if linear else own)
-        elif visual.kind == "vertex" and usable:
-            found = np.asarray(visual.vertex_colors, dtype=np.float64)[:, :3]
-            found = from_linear(found / 255.0) * 255.0 if linear else found
-        colours.append(found)
-        faces.append(part.faces + start)
+    whole: Any = trimesh.load_scene(
+        io.BytesIO(content), file_type="glb", process=False, skip_materials=not pictures
+    )
+    vertices, faces, colours, start = [], [], [], 0
+    for node in whole.graph.nodes_geometry:
+        matrix, name = whole.graph[node]
+        part = whole.geometry[name]
+        if not hasattr(part, "faces"):  # lines and points
+            continue
+        vertices.append(trimesh.transform_points(part.vertices, matrix))
+        mirrored = np.linalg.det(matrix[:3, :3]) < 0.0
+        faces.append((part.faces[:, ::-1] if mirrored else part.faces) + start)
+        colours.append(_colours(part, scene))
         start += len(part.vertices)
-    return np.concatenate(vertices), np.concatenate(faces), np.concatenate(colours)
+    if not vertices:
+        raise FormatError("it holds no triangles")
+    numbers = np.concatenate(colours)
+    return np.concatenate(vertices), np.concatenate(faces), numbers if np.isfinite(numbers).any() else None
+
+
+def _colours(part: Any, scene: dict[str, Any]) -> np.ndarray:
+    """The colours of the vertices of a mesh, 0 to 255, NaN where there are none, shape (vertices, 3)."""
+    found, visual = np.full((len(part.vertices), 3), np.nan), part.visual
+    linear = "trimesh" not in scene.get("asset", {}).get("generator", "")  # which writes them as they are
+    if visual.kind == "texture" and getattr(visual.material, "baseColorTexture", None) is not None:
+        uv = np.zeros((len(found), 2)) if visual.uv is None else visual.uv
+        seen = corner_colours(uv[part.faces], material_of(visual)).reshape(-1, 3)
+        found = mean_colours(seen, part.faces.reshape(-1), len(found))
+        if (own := visual.vertex_attributes.get("color")) is not None:
+            own = own[:, :3] / (np.iinfo(own.dtype).max if own.dtype.kind == "u" else 1.0)
+            found = found * (from_linear(own) if linear else own)
+    elif visual.kind == "vertex" and _readable_colours(scene):
+        found = np.asarray(visual.vertex_colors, dtype=np.float64)[:, :3]
+        found = from_linear(found / 255.0) * 255.0 if linear else found
+    return found
+
+
+def _primitives(scene: dict[str, Any]) -> list[dict[str, Any]]:
+    return [part for mesh in scene.get("meshes", []) for part in mesh["primitives"]]
+
+
+def _readable_colours(scene: dict[str, Any]) -> bool:
+    """Whether trimesh reads the colours of all vertices."""
+    numbers = {part["attributes"].get("COLOR_0") for part in _primitives(scene)} - {None}
+    return all(scene["accessors"][number]["componentType"] != _UINT16 for number in numbers)
+
+
+def _embedded(scene: dict[str, Any]) -> bool:
+    """Whether there are pictures, all in the file; a warning for those that are not opened."""
+    images = scene.get("images", [])
+    if any("uri" in image and not str(image["uri"]).startswith("data:") for image in images):
+        _log.warning("a GLB keeps pictures in other files, which are not opened; its colours are left out")
+        return False
+    return bool(images)
 
 
 def _scene(content: bytes) -> dict[str, Any]:
     if content[:4] != b"glTF" or len(content) < 20:
-        raise ValueError("it does not begin as a GLB")
+        raise FormatError("it does not begin as a GLB")
     length = struct.unpack_from("<I", content, 12)[0]
-    return msgspec.json.decode(content[20 : 20 + length], type=dict[str, Any])
+    try:
+        return msgspec.json.decode(content[20 : 20 + length], type=dict[str, Any])
+    except msgspec.DecodeError as error:
+        raise FormatError("its table of contents is damaged") from error
 
 
 def check_scene(scene: dict[str, Any], size: int) -> None:
-    """ValueError for what trimesh would fill with zeros, look for elsewhere, or never end with."""
-    if scene.get("extensionsRequired"):
-        raise ValueError(f"it needs {scene['extensionsRequired'][0]}; save it without compression")
-    if any("uri" in part for part in (*scene.get("buffers", []), *scene.get("images", []))):
-        raise ValueError("it keeps parts in other files, which are not opened; save all in one .glb")
-    for accessor in scene.get("accessors", []):
-        if "bufferView" not in accessor or "sparse" in accessor or not 0 <= accessor["count"] <= size:
-            raise ValueError("it has numbers without data, or more than the file can hold")
+    """FormatError for what trimesh would fill with zeros, look for elsewhere, pass over, or never end with."""
+    needed = [name for name in scene.get("extensionsRequired", []) if not str(name).startswith(_OF_COLOURS)]
+    if needed:
+        raise FormatError(f"it needs {needed[0]}; save it without compression")
+    if any("uri" in part and not str(part["uri"]).startswith("data:") for part in scene.get("buffers", [])):
+        raise FormatError("it keeps parts in other files, which are not opened; save all in one .glb")
+    accessors, places = scene.get("accessors", []), set()
+    for part in _primitives(scene):
+        if part.get("mode", _TRIANGLES) in _UNREAD_MODES:
+            raise FormatError("it has fans or loops, which are not read; save it with triangles")
+        places |= {part["attributes"]["POSITION"], *([part["indices"]] if "indices" in part else [])}
+    for number, accessor in enumerate(accessors):
+        empty = number in places and ("bufferView" not in accessor or "sparse" in accessor)
+        if empty or not 0 <= accessor["count"] <= size:
+            raise FormatError("it has numbers without data, or more than the file can hold")
     if sum("mesh" in node for node in scene.get("nodes", [])) > _MOST_NODES:
-        raise ValueError(f"more than {_MOST_NODES} nodes hold a mesh; join them")
+        raise FormatError(f"more than {_MOST_NODES} nodes hold a mesh; join them")
     children = [child for node in scene.get("nodes", []) for child in node.get("children", [])]
     if len(set(children)) < len(children):
-        raise ValueError("a node of its scene hangs under two others")
+        raise FormatError("a node of its scene hangs under two others")
 
 
 def _load(content: bytes, kind: str) -> tuple[np.ndarray, np.ndarray]:

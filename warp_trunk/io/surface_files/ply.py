@@ -11,6 +11,7 @@ import re
 
 import numpy as np
 
+from ..file_access import FormatError, numbers
 from .polygons import fans
 
 _TYPES = {
@@ -31,26 +32,24 @@ def ply_columns(content: bytes) -> _Columns:
     """The elements of a file.
 
     Raises:
-        ValueError: no such header, or other data than it says.
+        FormatError: no such header, or other data than it says.
     """
     found = re.match(rb"ply\r?\n(.*?)\nend_header[ \t]*\r?\n", content, re.DOTALL)
     if found is None:
-        raise ValueError("the header of a PLY, with its end, was expected")
+        raise FormatError("the header of a PLY, with its end, was expected")
     order, elements = _header(found[1].decode("ascii", errors="replace"))
     body = content[found.end() :]
     said = sum(count for _, count, _ in elements)
     if said > len(body):  # each takes a byte at least
-        raise ValueError(f"the header says {said} elements, the file has {len(content)} bytes")
+        raise FormatError(f"the header says {said} elements, the file has {len(content)} bytes")
     if not order:
-        if b"_" in body:
-            raise ValueError("numbers have no underscores")
-        body = np.array(body.split(), dtype=np.float64).tobytes()
+        body = numbers(body.split()).tobytes()
     at, columns = 0, {}
     for name, count, properties in elements:
         found, at = _columns(body, at, count, properties)
         columns[name] = found if count else {}
     if at != len(body):
-        raise ValueError(f"{len(body) - at} bytes more follow than its header says")
+        raise FormatError(f"{len(body) - at} bytes more follow than its header says")
     return columns
 
 
@@ -58,18 +57,18 @@ def read_ply(content: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]
     """Vertices, triangles, and colours of the vertices where there are some.
 
     Raises:
-        ValueError: no such header, other data than it says, or no triangles.
+        FormatError: no such header, other data than it says, or no triangles.
     """
     columns = ply_columns(content)
     vertex, face = columns.get("vertex", {}), columns.get("face", {})
     if not face:
-        raise ValueError("it holds points without triangles; make a surface of them, or give it to fit-back")
+        raise FormatError("it holds points without triangles; make a surface of them, or give it to fit-back")
     corners = next((face[name] for name in ("vertex_indices", "vertex_index") if name in face), None)
     if corners is None or not {"x", "y", "z"} <= vertex.keys():
-        raise ValueError("vertices with x, y and z and faces with vertex_indices were expected")
+        raise FormatError("vertices with x, y and z and faces with vertex_indices were expected")
     odd = corners[0][~((corners[0] == np.rint(corners[0])) & (np.abs(corners[0]) < 2**31))]
     if odd.size:
-        raise ValueError(f"vertices are named by whole numbers, not {odd[0]}")
+        raise FormatError(f"vertices are named by whole numbers, not {odd[0]}")
     points = np.column_stack([vertex[axis][0] for axis in "xyz"]).astype(np.float64)
     return points, fans(corners[0].astype(np.int64), corners[1]), ply_colours(columns)
 
@@ -96,12 +95,14 @@ def _header(text: str) -> tuple[str, list[tuple[str, int, list[_Property]]]]:
         elif words[0] == "element" and len(words) == 3 and re.fullmatch(r"\d{1,18}", words[2]):
             elements.append((words[1], int(words[2]), []))
         elif words[0] == "property" and elements and len(words) == (5 if words[1] == "list" else 3):
+            if unread := [word for word in words[1:-1] if word != "list" and word not in _TYPES]:
+                raise FormatError(f"its header has numbers of type {unread[0][:20]!r}")
             kinds = [order + _TYPES[word] if order else "f8" for word in words[-2:0:-1] if word != "list"]
             elements[-1][2].append((words[-1], kinds[0], kinds[1] if len(kinds) == 2 else None))
         else:
-            raise ValueError(f"its header has {line[:40]!r}")
+            raise FormatError(f"its header has {line[:40]!r}")
     if order is None:
-        raise ValueError("its header does not say its format")
+        raise FormatError("its header does not say its format")
     return order, elements
 
 
@@ -149,6 +150,6 @@ def _row(body: bytes, at: int, properties: list[_Property]) -> np.dtype:
             at = end
         at += count * np.dtype(kind).itemsize
         if count < 0 or at > len(body):
-            raise ValueError("it is cut off")
+            raise FormatError("it is cut off")
         parts.append((f"values{place}", kind, (count,)))
     return np.dtype(parts)

@@ -7,13 +7,14 @@ Normals are passed over. Materials and textures lie in other files, which are op
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 
 from warp_trunk.geometry.colours import mean_colours
 
-from ..file_access import number
+from ..file_access import FormatError, number
 from .textures import corner_colours, read_materials
 
 
@@ -25,12 +26,12 @@ def fans(corners: np.ndarray, ends: np.ndarray) -> np.ndarray:
         ends: where each polygon ends among them.
 
     Raises:
-        ValueError: ends that do not divide the corners into polygons of three corners or more.
+        FormatError: ends that do not divide the corners into polygons of three corners or more.
     """
     ends = np.asarray(ends, dtype=np.int64)
     sizes = np.diff(ends, prepend=0)
     if (ends[-1] if len(ends) else 0) != len(corners) or (sizes < 3).any():
-        raise ValueError("a polygon has fewer than 3 corners, or their numbers do not add up")
+        raise FormatError("a polygon has fewer than 3 corners, or their numbers do not add up")
     triangles = sizes - 2
     first = np.repeat(ends - sizes, triangles)
     step = np.arange(triangles.sum()) - np.repeat(np.cumsum(triangles) - triangles, triangles)
@@ -45,16 +46,16 @@ def read_obj(content: bytes, path: Path | None = None) -> tuple[np.ndarray, np.n
         path: of the file, beside which its materials and textures lie; they are left out without one.
 
     Raises:
-        ValueError: a vertex without three numbers, or a corner that names none of the vertices.
+        FormatError: a vertex without three numbers, or a corner that names none of the vertices.
     """
-    text = content.decode("utf-8", errors="replace").replace("\\\r\n", " ").replace("\\\n", " ")
+    text = content.decode("utf-8-sig", errors="replace").replace("\\\r\n", " ").replace("\\\n", " ")
     vertices: list[list[float]] = []
     corners: list[int] = []
     ends: list[int] = []
     colours: list[list[float]] = []
     places: list[list[float]] = []
     shown: list[int] = []
-    uses: list[tuple[int, str]] = []
+    uses = [(0, "")]  # the first polygon of each material
     libraries: list[str] = []
     for place, line in enumerate(text.split("\n"), start=1):
         words = line.split("#", 1)[0].split()
@@ -62,32 +63,31 @@ def read_obj(content: bytes, path: Path | None = None) -> tuple[np.ndarray, np.n
             continue
         if words[0] == "v":
             if len(words) < 4:
-                raise ValueError(f"line {place}: a vertex needs x, y and z, not {line.strip()[:40]!r}")
+                raise FormatError(f"line {place}: a vertex needs x, y and z, not {line.strip()[:40]!r}")
             vertices.append([number(word) for word in words[1:4]])
             if len(words) >= 7:
-                colours.append([number(word) for word in words[4:7]])
+                colours.append([_number_if_any(word) for word in words[4:7]])
         elif words[0] == "vt" and len(words) > 2:
-            places.append([number(word) for word in words[1:3]])
+            places.append([_number_if_any(word) for word in words[1:3]])
         elif words[0] == "usemtl":
             uses.append((len(ends), " ".join(words[1:])))
         elif words[0] == "mtllib":
-            libraries.append(line.strip().split(None, 1)[1])
+            libraries += line.strip().split(None, 1)[1:]
         elif words[0] == "f":
             for word in words[1:]:
-                named, _, rest = word.partition("/")
-                named, place = int(named), rest.partition("/")[0]
-                shown.append((int(place) - 1 if place[0] != "-" else len(places) + int(place)) if place else -1)
-                corner = named - 1 if named > 0 else len(vertices) + named
-                if named == 0 or corner < 0 or "_" in word:
-                    raise ValueError(f"line {place}: there is no vertex {word[:40]}")
-                corners.append(corner)
+                corner, in_picture, *_ = *(_index(part) for part in word.split("/")), 0
+                if corner == 0 or len(vertices) + corner < 0:
+                    raise FormatError(f"line {place}: there is no vertex {word[:40]}")
+                corners.append(corner - 1 if corner > 0 else len(vertices) + corner)
+                shown.append(in_picture - 1 if in_picture > 0 else max(len(places) + in_picture, -1))
             ends.append(len(corners))
     points, last = np.array(vertices, dtype=np.float64), np.array(ends)
     faces, found = fans(np.array(corners, dtype=np.int64), last), None
     if colours and len(colours) == len(vertices):
         found = np.array(colours)
     elif path is not None and libraries and places and (materials := read_materials(path, libraries)):
-        in_picture = np.array([*places, [np.nan, np.nan]])[fans(np.array(shown, dtype=np.int64), last)]
+        named = fans(np.array(shown, dtype=np.int64), last)  # in the picture; -1 and what is missing, nowhere
+        in_picture = np.array([*places, [np.nan, np.nan]])[np.minimum(named, len(places))]
         triangles = np.concatenate([[0], np.cumsum(np.diff(last, prepend=0) - 2)])
         seen = np.full((*faces.shape, 3), np.nan)
         for (first, name), (after, _) in zip(uses, [*uses[1:], (len(ends), "")], strict=True):
@@ -96,3 +96,16 @@ def read_obj(content: bytes, path: Path | None = None) -> tuple[np.ndarray, np.n
                 seen[part] = corner_colours(in_picture[part], materials[name])
         found = mean_colours(seen.reshape(-1, 3), faces.reshape(-1), len(points))
     return points, faces, found
+
+
+def _index(text: str) -> int:
+    """A number of a vertex or of a place in the picture, from 1, or from -1 backwards; 0 for what is none."""
+    return int(text) if re.fullmatch(r"[-+]?\d{1,18}", text, re.ASCII) else 0
+
+
+def _number_if_any(text: str) -> float:
+    """A number that is not needed: NaN where it is none."""
+    try:
+        return number(text)
+    except FormatError:
+        return float("nan")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+from ..file_access import FormatError
 from .vtk import xml_text
 
 _WORD = r"(?<![A-Z_])(?:SPACE|COORDINATE[ _]?SYSTEM)\s*[=:]\s*([A-Z-]+)"
@@ -21,7 +22,7 @@ def stated_space(ending: str, content: bytes) -> str | None:
     in the field data SPACE of VTK's formats.
 
     Raises:
-        ValueError: it states other axes, or two different ones.
+        FormatError: it states other axes, or two different ones.
     """
     found = re.findall(_WORD, _header(ending, content).decode("latin-1").upper())
     if ending == ".vtk":
@@ -30,7 +31,7 @@ def stated_space(ending: str, content: bytes) -> str | None:
         found += [text.strip().upper() for text in xml_text(content, "SPACE")]
     spaces = {str(_NAMES.get(name, name)) for name in found}
     if spaces - {"LPS", "RAS"} or len(spaces) > 1:
-        raise ValueError(f"its header says SPACE={' and '.join(sorted(spaces))}, and LPS or RAS was expected")
+        raise FormatError(f"its header says SPACE={' and '.join(sorted(spaces))}, and LPS or RAS was expected")
     return spaces.pop() if spaces else None
 
 

@@ -12,7 +12,7 @@ from warp_trunk.errors import InputError, as_path
 from warp_trunk.geometry.colours import as_colours, mean_colours
 from warp_trunk.geometry.surface import Surface, check_surface
 
-from ..file_access import MOST_SURFACE, parsing, read_bytes
+from ..file_access import MOST_SURFACE, FormatError, check_file, parsing, read_bytes
 from .by_trimesh import read_glb, read_off, read_stl
 from .ply import read_ply
 from .polygons import read_obj
@@ -28,8 +28,19 @@ _READERS: dict[str, Callable[..., tuple[Any, ...]]] = {
     ".vtp": read_vtp,
     ".vtk": read_vtk,
 }
+_LARGEST_BODY = 3.0
+"""A surface of larger extent is not in metres; one of smaller extent is not in mm."""
 ENDINGS = frozenset(_READERS)
 """Endings of the files that are read."""
+
+
+def cure_of(ending: str, kinds: str) -> str:
+    """The cure for a file of another ending than the `kinds` that are read."""
+    if ending in (".usdz", ".usd", ".usda", ".usdc"):
+        return "export it as PLY, OBJ or GLB in the app that scanned, or open it in Blender and export it there"
+    return (
+        f"unpack it first, or use {kinds}" if ending in (".gz", ".zip", ".xz", ".bz2", ".zst") else f"use {kinds}"
+    )
 
 
 def surface_files(folder: Path, stem: str | None = None) -> dict[str, Path]:
@@ -57,11 +68,12 @@ def surface_files(folder: Path, stem: str | None = None) -> dict[str, Path]:
 def read_surface(path: str | Path) -> Surface:
     """Read a surface from a .ply, .stl, .obj, .off, .glb, .vtp or .vtk file; the numbers are taken as mm.
 
-    They are taken as LPS; a file whose header says SPACE=RAS, as those of 3D Slicer may, is converted.
+    They are taken as LPS; a file whose header says SPACE=RAS, as those of 3D Slicer may, is converted. A GLB that
+    reaches over less than 3 is in metres, as glTF has it, and is converted to mm.
 
-    The order and the count of the vertices stay as they are in the file. Only where the file repeats the
-    corners of every triangle (STL) or vertices along the seams of a texture, which opens the surface there, are
-    identical points made one vertex, in the order they first appear. The nodes of a GLB move its meshes.
+    The order of the vertices stays as it is in the file; those in no triangle are left out. Only where the file
+    repeats the corners of every triangle (STL) or vertices along the seams of a texture, which opens the surface
+    there, identical points become one vertex, in the order they first appear. The nodes of a GLB move its meshes.
 
     Colours of the vertices of a PLY, an OBJ (`v x y z r g b`) and a GLB are read, and textures of an OBJ and a GLB
     become colours of the vertices. The materials and pictures that an OBJ names are opened only where they lie in
@@ -82,16 +94,24 @@ def in_lps(surface: Surface, space: str | None) -> Surface:
     return surface.moved(surface.vertices * (-1.0, -1.0, 1.0)) if space == "RAS" else surface
 
 
-def read_stated(path: Path) -> tuple[Surface, str | None]:
-    """A surface as it stands in its file, and the axes that the file states; InputError as `read_surface`."""
+def read_stated(path: Path, units: str = "mm") -> tuple[Surface, str | None]:
+    """A surface as it stands in its file, and the axes that the file states; InputError as `read_surface`.
+
+    A GLB in metres is converted where the units are said to be mm, the units of a file without others.
+    """
     kinds = ", ".join(sorted(ENDINGS))
-    content = read_bytes(path, f"a surface file ({kinds}) was expected", MOST_SURFACE)
-    ending = path.suffix.lower()
+    ending, expected = path.suffix.lower(), f"a surface file ({kinds}) was expected"
     if ending not in ENDINGS:
-        raise InputError(f"{path}: cannot be read as a surface ('{ending}' is not known); use {kinds}")
+        check_file(path, expected, MOST_SURFACE)
+        raise InputError(
+            f"{path}: cannot be read as a surface ('{ending}' is not known); {cure_of(ending, kinds)}"
+        )
+    content = read_bytes(path, expected, MOST_SURFACE)
     with parsing(path, "a surface", len(content)):
         surface = parse(ending, content, path)
         space = stated_space(ending, content)
+    if ending == ".glb" and units == "mm" and np.ptp(surface.vertices, axis=0).max(initial=0.0) < _LARGEST_BODY:
+        surface = surface.moved(1000.0 * surface.vertices)
     check_surface(surface, str(path))
     return surface, space
 
@@ -117,10 +137,14 @@ def parse(ending: str, content: bytes, path: Path | None = None) -> Surface:
     vertices = np.array(vertices, dtype=np.float64).reshape(-1, 3)
     faces = np.asarray(faces).reshape(-1, 3)
     if faces.size and not (faces.min() >= 0 and faces.max() < len(vertices)):
-        raise ValueError(
+        raise FormatError(
             f"triangles name vertices {faces.min()} to {faces.max()}, there are 0 to {len(vertices) - 1}"
         )
     faces = faces.astype(np.int32)
+    used = np.unique(faces)
+    if len(used) < len(vertices):  # what no triangle has decides nothing
+        vertices, faces = vertices[used], np.searchsorted(used, faces).astype(np.int32)
+        numbers = None if numbers is None else np.asarray(numbers)[used]
     if len(faces) and (ending == ".glb" or len(np.unique(faces)) == faces.size):
         return _merged(vertices, faces, numbers)
     from warp_trunk.geometry.surface_checks import boundary_edges  # brings Warp

@@ -17,6 +17,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from ..file_access import FormatError, numbers
 from .polygons import fans
 
 _TYPES = {
@@ -31,7 +32,7 @@ def read_vtk(content: bytes) -> tuple[np.ndarray, np.ndarray]:
     """Vertices and triangles; cell, point and field data are passed over.
 
     Raises:
-        ValueError: another kind of data set, triangle strips, or fewer numbers than it says.
+        FormatError: another kind of data set, triangle strips, or fewer numbers than it says.
     """
     points, faces = np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
     file = _opened(content, "POLYDATA", "extract the surface")
@@ -41,13 +42,13 @@ def read_vtk(content: bytes) -> tuple[np.ndarray, np.ndarray]:
         elif name in ("VERTICES", "LINES", "POLYGONS", "TRIANGLE_STRIPS"):
             corners, ends = file.cells(int(words[1]), int(words[2]))
             if name == "TRIANGLE_STRIPS":
-                raise ValueError("it has triangle strips; triangulate it")
+                raise FormatError("it has triangle strips; triangulate it")
             if name == "POLYGONS":
                 faces = fans(corners, ends)
         elif name in ("POINT_DATA", "CELL_DATA"):
             break
         else:
-            raise ValueError(f"{words[0][:20]!r} was not expected")
+            raise FormatError(f"{words[0][:20]!r} was not expected")
     return points, faces
 
 
@@ -55,7 +56,7 @@ def read_vtk_grid(content: bytes) -> Any:
     """An unstructured grid as a meshio.Mesh: points, cells of the first order, and the data of both.
 
     Raises:
-        ValueError: another kind of data set, cells of another kind, or fewer numbers than it says.
+        FormatError: another kind of data set, cells of another kind, or fewer numbers than it says.
 
     A reader of our own: meshio 5.3 fails at the field data and the METADATA that VTK 9 and ParaView write.
     """
@@ -76,14 +77,14 @@ def read_vtk_grid(content: bytes) -> Any:
         elif name == "SCALARS":
             size = int(words[3]) if len(words) > 3 else 1
             if not file.line().upper().startswith("LOOKUP_TABLE"):
-                raise ValueError("LOOKUP_TABLE was expected")
+                raise FormatError("LOOKUP_TABLE was expected")
             place[words[1]] = file.numbers(count, words[2], size)
         elif name in ("VECTORS", "NORMALS", "TENSORS"):
             place[words[1]] = file.numbers(count, words[2], 9 if name == "TENSORS" else 3)
         else:
-            raise ValueError(f"{words[0][:20]!r} was not expected")
+            raise FormatError(f"{words[0][:20]!r} was not expected")
     if missing := {"points", "corners", "types"} - found.keys():
-        raise ValueError(f"it has no {min(missing)}")
+        raise FormatError(f"it has no {min(missing)}")
     return _meshio_mesh(**found, point_data=data["POINT_DATA"], cell_data=data["CELL_DATA"])
 
 
@@ -102,9 +103,9 @@ def _meshio_mesh(
     for values, length in ((point_data, len(points)), (cell_data, len(types))):
         for name, array in values.items():
             if len(array) != length:
-                raise ValueError(f"{name!r} has {len(array)} rows, {length} were expected")
+                raise FormatError(f"{name!r} has {len(array)} rows, {length} were expected")
     if not (len(ends) == len(types) and (np.diff(ends, prepend=0) >= 0).all() and ends[-1:].sum() == len(corners)):
-        raise ValueError(f"the {len(types)} cells do not fit the {len(corners)} corners")
+        raise FormatError(f"the {len(types)} cells do not fit the {len(corners)} corners")
     tables: Any = meshio
     sizes, cells, numbers = np.diff(ends, prepend=0), list[Any](), list[np.ndarray]()
     for kind in np.unique(types):
@@ -112,7 +113,7 @@ def _meshio_mesh(
         name = tables._vtk_common.vtk_to_meshio_type.get(int(kind), "")
         size = tables._mesh.num_nodes_per_cell.get(name)
         if size is None or (sizes[these] != size).any():
-            raise ValueError(f"its cells of type {kind} are not read; mesh with tetrahedra")
+            raise FormatError(f"its cells of type {kind} are not read; mesh with tetrahedra")
         cells.append((name, corners[(ends[these] - size)[:, None] + np.arange(size)]))
         numbers.append(these)
     of_cells: Any = {name: [values[some] for some in numbers] for name, values in cell_data.items()}
@@ -123,15 +124,15 @@ def _opened(content: bytes, dataset: str, cure: str) -> _File:
     """A file, read as far as its kind of data set."""
     file = _File(content)
     if not file.line().startswith("# vtk DataFile Version"):
-        raise ValueError("it does not begin as a VTK file")
+        raise FormatError("it does not begin as a VTK file")
     file.line(blank=True)  # its title
     kind = file.line().upper()
     if kind not in ("ASCII", "BINARY"):
-        raise ValueError(f"its third line must be ASCII or BINARY, not {kind[:20]!r}")
+        raise FormatError(f"its third line must be ASCII or BINARY, not {kind[:20]!r}")
     file.binary = kind == "BINARY"
     found = file.line().upper().split()
     if found != ["DATASET", dataset]:
-        raise ValueError(f"it must hold {dataset}, not {' '.join(found)[:40]!r}; {cure}")
+        raise FormatError(f"it must hold {dataset}, not {' '.join(found)[:40]!r}; {cure}")
     return file
 
 
@@ -209,10 +210,10 @@ class _File:
 
     def _numbers(self, count: int, kind: str) -> np.ndarray:
         if kind.lower() not in _TYPES:
-            raise ValueError(f"numbers of type {kind[:20]!r} are not read")
+            raise FormatError(f"numbers of type {kind[:20]!r} are not read")
         dtype = np.dtype(_TYPES[kind.lower()])
         if not 0 <= count <= len(self._content) - self._at + 1:  # a number takes a byte at least
-            raise ValueError(f"it says {count} numbers, {len(self._content) - self._at} bytes are left")
+            raise FormatError(f"it says {count} numbers, {len(self._content) - self._at} bytes are left")
         if self.binary:
             values = np.frombuffer(self._content, dtype, count, self._at)
             self._at += count * dtype.itemsize
@@ -221,8 +222,8 @@ class _File:
         while len(words) < count and (line := self.line()):
             words += line.split()
         if len(words) != count:
-            raise ValueError(f"{count} numbers were expected, not {len(words)}")
-        return np.array(words, dtype=np.float64).astype(dtype.newbyteorder("="))
+            raise FormatError(f"{count} numbers were expected, not {len(words)}")
+        return numbers(words).astype(dtype.newbyteorder("="))
 
     def cells(self, count: int, size: int) -> tuple[np.ndarray, np.ndarray]:
         """The corners of the next cells, and where each cell ends among them."""
@@ -232,7 +233,7 @@ class _File:
             ends = self.numbers(count, words[1])
             words = self.line().split()
             if not words or words[0].upper() != "CONNECTIVITY":
-                raise ValueError("CONNECTIVITY was expected")
+                raise FormatError("CONNECTIVITY was expected")
             return self.numbers(size, words[1]), ends[1:]
         self._at = before
         numbers = self.numbers(size, "int")
@@ -241,7 +242,7 @@ class _File:
             starts.append(at)
             at += int(numbers[at]) + 1 if numbers[at] > 0 else size + 1
         if at != size or len(starts) != count:
-            raise ValueError(f"{count} cells in {size} numbers were expected")
+            raise FormatError(f"{count} cells in {size} numbers were expected")
         corners = np.delete(numbers, starts)
         return corners, np.append(np.array(starts[1:], dtype=np.int64), size)[: len(starts)] - np.arange(
             1, len(starts) + 1
@@ -259,24 +260,24 @@ def read_vtp(content: bytes) -> tuple[np.ndarray, np.ndarray]:
     """Vertices and triangles of all pieces; cell and point data are passed over.
 
     Raises:
-        ValueError: another kind of data set, triangle strips, or fewer numbers than it says.
+        FormatError: another kind of data set, triangle strips, or fewer numbers than it says.
     """
     root, arrays = _xml(content, "PolyData")
     points, faces, count = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
     for piece in root.iterfind("PolyData/Piece"):
         if int(piece.get("NumberOfStrips", "0")):
-            raise ValueError("it has triangle strips; triangulate it")
+            raise FormatError("it has triangle strips; triangulate it")
         own = arrays.read(piece, "Points/DataArray").reshape(-1, 3)
         if len(own) != int(piece.get("NumberOfPoints", "-1")):
-            raise ValueError(f"a piece says {piece.get('NumberOfPoints')} points and has {len(own)}")
+            raise FormatError(f"a piece says {piece.get('NumberOfPoints')} points and has {len(own)}")
         polygons = int(piece.get("NumberOfPolys", "0"))
         if polygons:
             ends = arrays.read(piece, "Polys/DataArray[@Name='offsets']")
             if len(ends) != polygons:
-                raise ValueError(f"a piece says {polygons} polygons and has {len(ends)}")
+                raise FormatError(f"a piece says {polygons} polygons and has {len(ends)}")
             corners = arrays.read(piece, "Polys/DataArray[@Name='connectivity']")
             if corners.size and not (corners.min() >= 0 and corners.max() < len(own)):
-                raise ValueError(f"a polygon names vertices {corners.min()} to {corners.max()} of {len(own)}")
+                raise FormatError(f"a polygon names vertices {corners.min()} to {corners.max()} of {len(own)}")
             faces.append(fans(corners.astype(np.int64), ends) + count)
         points.append(own)
         count += len(own)
@@ -287,12 +288,12 @@ def read_vtu(content: bytes) -> Any:
     """An unstructured grid as a meshio.Mesh: points, cells of the first order, and the numbers of all its data.
 
     Raises:
-        ValueError: another kind of data set, several pieces, cells of another kind, or fewer numbers than it says.
+        FormatError: another kind of data set, several pieces, cells of another kind, or missing numbers.
     """
     root, arrays = _xml(content, "UnstructuredGrid", "write a grid of tetrahedra")
     pieces = [piece for piece in root.iterfind("UnstructuredGrid/Piece") if piece.get("NumberOfPoints") != "0"]
     if len(pieces) != 1:
-        raise ValueError(f"it has {len(pieces)} pieces; join them into one, in ParaView by Clean to Grid")
+        raise FormatError(f"it has {len(pieces)} pieces; join them into one, in ParaView by Clean to Grid")
     (piece,) = pieces
     points, corners, ends, types = (
         arrays.read(piece, path)
@@ -310,7 +311,7 @@ def read_vtu(content: bytes) -> Any:
 
 
 def xml_text(content: bytes, name: str) -> list[str]:
-    """The strings of an array of field data; ValueError where it is damaged."""
+    """The strings of an array of field data; FormatError where it is damaged."""
     root, arrays = _xml(content, None)
     found = root.findall(f".//FieldData/Array[@Name='{name}']") + root.findall(
         f".//FieldData/DataArray[@Name='{name}']"
@@ -325,7 +326,7 @@ def _xml(
 ) -> tuple[ElementTree.Element, _Arrays]:
     """The tree of a file, of a kind of data set where one is given, and its arrays."""
     if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
-        raise ValueError("it defines entities, which no surface needs")
+        raise FormatError("it defines entities, which no surface needs")
     raw = re.search(rb'<AppendedData[^>]*encoding\s*=\s*["\']raw["\'][^>]*>\s*_', content)
     appended = b""
     if raw:  # bytes that are no XML
@@ -334,7 +335,7 @@ def _xml(
         content = content[: raw.end()] + content[end:]
     root = ElementTree.fromstring(content)
     if root.tag != "VTKFile" or (kind and root.get("type") != kind):
-        raise ValueError(f"it must hold {kind}, not {root.get('type')!r}; {cure}")
+        raise FormatError(f"it must hold {kind}, not {root.get('type')!r}; {cure}")
     given = root.find("AppendedData")
     if given is not None and not raw:
         appended = _BLANKS.sub(b"", (given.text or "").encode("ascii"))[1:]
@@ -354,7 +355,7 @@ class _Arrays:
         """The numbers of an array of a piece."""
         array = piece.find(path)
         if array is None:
-            raise ValueError(f"a piece has no {path}")
+            raise FormatError(f"a piece has no {path}")
         return self.numbers(array)
 
     def columns(self, data: ElementTree.Element | None) -> dict[str, np.ndarray]:
@@ -371,11 +372,11 @@ class _Arrays:
         text = (array.text or "").strip()
         kind = re.fullmatch(r"(Float|U?Int)(8|16|32|64)", array.get("type", "").replace("String", "UInt8"))
         if kind is None:
-            raise ValueError(f"numbers of type {array.get('type')!r} are not known")
+            raise FormatError(f"numbers of type {array.get('type')!r} are not known")
         letter = {"Float": "f", "Int": "i", "UInt": "u"}[kind[1]]
         dtype = np.dtype(f"{self._order}{letter}{int(kind[2]) // 8}")
         if array.get("format") == "ascii":
-            return np.array(text.split(), dtype=np.float64).astype(dtype.newbyteorder("="))
+            return numbers(text.split()).astype(dtype.newbyteorder("="))
         if array.get("format") == "appended":
             content, raw = self._appended[int(array.get("offset", "0")) :], self._raw
         else:
@@ -391,11 +392,11 @@ class _Arrays:
     def _unpacked(self, content: bytes, raw: bool) -> bytes:
         unpack = {"vtkZLibDataCompressor": zlib.decompressobj, "vtkLZMADataCompressor": lzma.LZMADecompressor}
         if self._packer not in unpack:
-            raise ValueError(f"it is packed by {self._packer}, which is not read; save it with ZLib, or unpacked")
+            raise FormatError(f"it is packed by {self._packer}, which is not read; save it with ZLib, or unpacked")
         size = self._header.itemsize
         blocks, each, last = np.frombuffer(_bytes(content, 3 * size, raw), self._header).tolist()
         if max(blocks - 1, 0) * each + (last or each) > _MOST or blocks * size > len(content):
-            raise ValueError(f"an array says {blocks} blocks of {each} bytes, more than any surface has")
+            raise FormatError(f"an array says {blocks} blocks of {each} bytes, more than any surface has")
         packed = np.frombuffer(_bytes(content, (3 + blocks) * size, raw), self._header)[3:].tolist()
         head = (3 + blocks) * size
         content = content[head if raw else -(-head // 3) * 4 :]
@@ -404,7 +405,7 @@ class _Arrays:
             said = last if number == blocks - 1 and last else each
             part = unpack[self._packer]().decompress(data[at : at + length], said + 1)
             if len(part) != said:
-                raise ValueError(f"a block of {said} bytes was expected, not of {len(part)}")
+                raise FormatError(f"a block of {said} bytes was expected, not of {len(part)}")
             parts.append(part)
             at += length
         return b"".join(parts)
@@ -415,5 +416,5 @@ def _bytes(content: bytes, count: int, raw: bool) -> bytes:
     letters = count if raw else -(-count // 3) * 4
     found = content[:letters] if raw else base64.b64decode(content[:letters], validate=True)
     if len(found) < count:
-        raise ValueError(f"an array of {count} bytes was expected, {len(found)} are left")
+        raise FormatError(f"an array of {count} bytes was expected, {len(found)} are left")
     return found[:count]
