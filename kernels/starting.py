@@ -14,8 +14,9 @@ from functools import cache
 from pathlib import Path
 
 ENGINE = threading.RLock()
-"""Held while a model or relaxer is made and while one relaxes: the threads of a process take turns, because Warp
-captures for CUDA whatever another thread launches meanwhile, and compiles a kernel for one thread at a time."""
+"""Held by whoever runs a program, and for as long as a model or relaxer is made or used: the threads of a process
+take turns, because a team runs one program at a time, and Warp captures for CUDA whatever another thread launches
+meanwhile and compiles a kernel for one thread at a time."""
 _LEAST_SPACE = 30_000_000
 """Free space that compiled kernels need [bytes]."""
 _ELF, _MACH_O = b"\x7fELF", b"\xcf\xfa\xed\xfe"

@@ -45,7 +45,7 @@ def outside_curve(problem: Problem, setting: Setting, limit: float) -> Iterator[
 
     def energy_and_gradient(x: np.ndarray) -> tuple[float, np.ndarray]:
         host[model.free] = x.reshape(-1, 3)
-        state.displacement.assign(host)
+        state.set_from_rest(host)
         state.evaluate()
         return state.energy().total, state.gradient.numpy()[model.free].astype(np.float64).ravel()
 

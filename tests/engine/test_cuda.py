@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from typing import Any
 
 import numpy as np
@@ -10,12 +11,15 @@ import warp as wp
 
 from support.continuum import Continuum
 from support.meshes import block_with_bone, rotate, with_skin
-from support.models import evaluated, gradient_of, half_and_half, model_of, relax, settle, upper_blocks
+from support.models import evaluated, gradient_of, half_and_half, model_of, on_host, relax, settle, upper_blocks
 from support.reference import Reference
 from warp_trunk.engine import grids
-from warp_trunk.engine.linear import WINDOW, BlockMatrix, ConjugateGradient, Iterates
+from warp_trunk.engine.linear import WINDOW, BlockMatrix, ConjugateGradient, Iterates, zero_dots
+from warp_trunk.engine.linearization import Linearization
 from warp_trunk.engine.multigrid import Multigrid
+from warp_trunk.engine.newton import Relaxer
 from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.engine.sag_free import sag_free
 from warp_trunk.engine.state import State
 from warp_trunk.engine.tissue import Tissue
 
@@ -160,3 +164,45 @@ def test_ends_at_an_equilibrium_that_numpy_confirms(precision: str, energy: str)
 def test_says_stalled_where_float32_cannot_reach_the_tolerance() -> None:
     ended, _ = relax(model_of(TRUNK, device="cuda:0", precision="float32"), turned(), tolerance=1e-9)
     assert ended.status is RelaxStatus.STALLED
+
+
+def test_products_by_recurrence_are_right_to_a_rounding_after_hundreds_of_iterations() -> None:
+    """q = A z + beta q, of which the certificate takes p . q, against A p."""
+    model = model_of(
+        TRUNK, Tissue(poisson_ratio=0.499), device="cuda:0", energy="neo-hookean", precision="float32"
+    )
+    state = evaluated(model, NOISE)
+    matrix = BlockMatrix(state)
+    matrix.assemble_projected()
+    solver = ConjugateGradient(matrix, Multigrid(matrix), state.gradient)
+    solver.solve(1e-3, 0.1, 300)
+    assert solver.go_on(300).iterations >= 300  # this one reads the coefficients, too
+    dots = zero_dots(model)
+    matrix.multiply(solver.search, model.free_vectors(), dots)()
+    found, wanted = solver.coefficients()[1][-1], float(dots.products.numpy().sum())
+    square = float((solver.search.numpy().astype(float) ** 2).sum())
+    largest = np.linalg.eigvalsh(np.asarray(on_host(matrix).todense(), dtype=float))[-1]
+    assert abs(found - wanted) <= np.finfo(np.float32).eps * largest * square
+
+
+def test_other_threads_wait_while_launches_are_captured() -> None:
+    """A linearization and a search for the rest state beside relaxers that are made."""
+    model = model_of(TRUNK, device="cuda:0", energy="neo-hookean", gravity=9.81)
+    linear = Linearization(model, settle(model, turned(), 2, tolerance=0.01))
+    bones = np.zeros((1, *TRUNK.nodes.shape))
+    bones[0, TRUNK.bone == 0] = [0.0, 0.0, 1.0]
+    wanted, sag, done = linear.follow(bones), sag_free(model).sag, threading.Event()
+
+    def capture() -> None:
+        while not done.is_set():
+            Relaxer(model)
+
+    thread = threading.Thread(target=capture)
+    thread.start()
+    try:
+        for _ in range(10):
+            np.testing.assert_allclose(linear.follow(bones), wanted, atol=1e-3)
+            assert sag_free(model).sag == pytest.approx(sag, abs=0.01)
+    finally:
+        done.set()
+        thread.join()

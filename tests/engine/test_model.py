@@ -8,6 +8,7 @@ import pytest
 
 from support.meshes import block, block_with_bone, grid, single_tet, trunk, with_skin
 from support.models import bent_and_noisy, evaluated, gradient_of, half_and_half, model_of, on_host
+from warp_trunk.engine.assembly import check_stencils
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.coupling import Coupling
 from warp_trunk.engine.energies.itmsm import Itmsm
@@ -88,6 +89,12 @@ def test_refuses(name: str) -> None:
     with pytest.raises(InputError, match=text) as caught:
         model_of(mesh, **options)
     assert "\n" not in str(caught.value)
+
+
+def test_refuses_more_tetrahedra_than_cuda_can_number() -> None:
+    check_stencils(26_800_000)
+    with pytest.raises(InputError, match="26900000 tetrahedra"):
+        check_stencils(26_900_000)
 
 
 @pytest.mark.parametrize("name", ["epsilon", "theta", "density", "youngs_modulus", "poisson_ratio"])

@@ -10,17 +10,24 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from support.asserting import refuses
 from support.meshes import block_with_bone, rotate
-from support.models import model_of, split_launches
+from support.models import model_of, settle, split_launches
 from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion
+from warp_trunk.engine import rest_derivative
+from warp_trunk.engine.constants import constants_of
+from warp_trunk.engine.linearization import Linearization
 from warp_trunk.engine.newton import Relaxer
-from warp_trunk.engine.relaxation import RelaxOptions
+from warp_trunk.engine.relaxation import RelaxOptions, RelaxStep
+from warp_trunk.engine.sag_free import sag_free
 from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
+from warp_trunk.engine.state import State
 from warp_trunk.errors import InputError
 
 TRUNK = block_with_bone((7, 5, 5), holes=((1, 2, 2), (5, 2, 2)))
@@ -41,6 +48,18 @@ def model(threads: int = 2):
 def outcome(last: Increment) -> tuple[object, ...]:
     end = last.relaxation
     return end.status, end.steps, end.linear_iterations, end.estimated_error, last.from_rest.tobytes()
+
+
+def settled(relaxer: Relaxer) -> Increment:
+    """The end of a simulation with a relaxer."""
+    return list(simulate(relaxer.model, turned(), OPTIONS, relaxer=relaxer))[-1]
+
+
+def lifted() -> np.ndarray:
+    """The derivative of one bone that is lifted, shape (1, nodes, 3)."""
+    bones = np.zeros((1, *TRUNK.nodes.shape))
+    bones[0, TRUNK.bone == 0] = [0.0, 0.0, 1.0]
+    return bones
 
 
 def interrupt_often(count: int) -> None:
@@ -91,6 +110,122 @@ def test_refuses_a_relaxer_that_another_simulation_has_taken_over() -> None:
     with pytest.raises(InputError, match="another simulation"):
         next(first)
     assert outcome(second[-1]) == outcome(list(simulate(own, turned(-12.0), OPTIONS))[-1])
+
+
+def test_refuses_whoever_begins_from_watch_and_goes_on() -> None:
+    """It ended CONVERGED with the bones of the other one."""
+    own = model()
+    relaxer, refused = Relaxer(own, OPTIONS.relax), []
+    first = settled(relaxer)
+    uses: list[Callable[[], object]] = [
+        lambda: list(simulate(own, turned(-12.0), OPTIONS, relaxer=relaxer)),
+        lambda: Linearization(own, first, relaxer=relaxer),
+        relaxer.relax,
+        relaxer.prepare,
+    ]
+
+    def watch(step: RelaxStep, state: State) -> None:
+        while uses:
+            with refuses("at work", begins="relaxer"):
+                uses.pop()()
+            refused.append(step)
+
+    last = list(simulate(own, turned(), OPTIONS, watch, relaxer=relaxer))[-1]
+    assert len(refused) == 4
+    assert outcome(last) == outcome(first)
+
+
+def test_refuses_another_thread_at_once() -> None:
+    own = model()
+    relaxer, beside = Relaxer(own, OPTIONS.relax), []
+
+    def other() -> None:
+        with refuses("at work", begins="relaxer"):
+            relaxer.relax()
+        beside.append(True)
+
+    def watch(step: RelaxStep, state: State) -> None:
+        if not beside:
+            thread = threading.Thread(target=other)
+            thread.start()
+            thread.join(20.0)
+
+    last = list(simulate(own, turned(), OPTIONS, watch, relaxer=relaxer))[-1]
+    assert beside
+    assert outcome(last) == outcome(settled(Relaxer(own, OPTIONS.relax)))
+
+
+def test_refuses_a_watch_that_moves_the_tissue() -> None:
+    relaxer = Relaxer(own := model(), OPTIONS.relax)
+
+    def watch(step: RelaxStep, state: State) -> None:
+        state.set_displacement(turned(-12.0).at(1.0))
+
+    with refuses("another displacement", begins="watch"):
+        list(simulate(own, turned(), OPTIONS, watch, relaxer=relaxer))
+    assert outcome(settled(relaxer)) == outcome(settled(Relaxer(own, OPTIONS.relax)))
+
+
+@pytest.mark.parametrize("use", ["relax", "prepare", "linearize", "move"])
+def test_refuses_a_linearization_once_its_relaxer_was_used(use: str) -> None:
+    """Its derivatives were off by 0.6 mm for each mm."""
+    own = model()
+    relaxer = Relaxer(own, OPTIONS.relax)
+    last = settled(relaxer)
+    linear, bones = Linearization(own, last, relaxer=relaxer), lifted()
+    wanted = linear.follow(bones)
+    uses: dict[str, Callable[[], object]] = {
+        "relax": relaxer.relax,
+        "prepare": relaxer.prepare,
+        "linearize": lambda: Linearization(own, last, relaxer=relaxer),
+        "move": lambda: relaxer.state.set_displacement(np.zeros_like(TRUNK.nodes)),
+    }
+    assert (linear.follow(bones) == wanted).all()
+    uses[use]()
+    for asked in (linear.newton_correction, lambda: linear.follow(bones)):
+        with refuses("another simulation, relaxation or linearization", begins="relaxer"):
+            asked()
+
+
+def test_a_derivative_that_is_refused_leaves_the_matrix_where_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    """That at the scan stayed, and later answers were off by 0.4 mm for each mm."""
+    own = sag_free(model_of(TRUNK, energy="neo-hookean", gravity=9.81)).model
+    linear, bones = Linearization(own, settle(own, turned(25.0).at(1.0), 2, tolerance=1e-3)), lifted()
+    wanted = linear.follow(bones)
+    monkeypatch.setattr(rest_derivative, "MOST_ROUNDS", 0)
+    with refuses("rest state", begins="sensitivities"):
+        linear.force_derivative(constants_of(own)[0])
+    assert (linear.follow(bones) == wanted).all()
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_linearization_takes_turns_with_relaxations(threads: int) -> None:
+    """On one model they wrote to each other's program: it crashed with one thread, and hung with two."""
+    code = f"""
+import sys; sys.path[:0] = {[str(Path(__file__).parent), str(Path(__file__).parents[1])]!r}
+import {Path(__file__).stem}; {Path(__file__).stem}.follow_beside_relaxations({threads})"""
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=100)
+
+
+def follow_beside_relaxations(threads: int) -> None:
+    """Follows bones while another thread relaxes; run in a process of its own."""
+    own = model(threads)
+    linear, relaxer, bones = Linearization(own, settled(Relaxer(own, OPTIONS.relax))), Relaxer(own), lifted()
+    wanted, done = linear.follow(bones), threading.Event()
+
+    def relax() -> None:
+        while not done.is_set():
+            relaxer.state.set_displacement(turned().at(0.5))
+            relaxer.relax()
+
+    thread = threading.Thread(target=relax)
+    thread.start()
+    try:
+        for _ in range(40):
+            assert (linear.follow(bones) == wanted).all()
+    finally:
+        done.set()
+        thread.join()
 
 
 def test_threads_of_one_process_take_turns() -> None:

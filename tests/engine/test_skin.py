@@ -40,7 +40,7 @@ def test_the_matrix_is_that_of_differences_of_the_gradient(energy: str, threads:
     along[model.free] = random.normal(size=(model.free_nodes, 3))
     ends = []
     for sign in (1.0, -1.0):
-        state.displacement.assign(start + sign * 1e-6 * along)
+        state.set_from_rest(start + sign * 1e-6 * along)
         state.evaluate()
         ends.append((state.energy().total, state.gradient.numpy().copy()))
     (high, up), (low, down) = ends

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import warp as wp
 
+from warp_trunk.errors import InputError
 from warp_trunk.kernels.assembly import (
     KEPT,
     NUMBERS,
@@ -118,6 +119,7 @@ class GatheredBlocks:
 
     def __init__(self, model: Model, pattern: Pattern) -> None:
         """Gathers the blocks of a pattern on the diagonal, with most parts and so first, and those above it."""
+        check_stencils(len(pattern.block_of))
         self._model, self._symmetric, self._stencils = model, len(pattern.diagonal), len(pattern.block_of)
         self.blocks = model.zeros(wp.types.matrix((3, 3), model.scalar), len(pattern.columns) + 1)
         above = np.flatnonzero(pattern.image >= 0)
@@ -144,6 +146,16 @@ class GatheredBlocks:
             return in_sequence(*_over_all(model, name, unused, displacement, parts), gather)
 
         return recorded
+
+
+def check_stencils(stencils: int) -> None:
+    """InputError where tetrahedra and hinges keep more numbers than 32 bits can count."""
+    most = np.iinfo(np.int32).max // KEPT - BLOCK
+    if stencils > most:
+        raise InputError(
+            f"trunk: {stencils} tetrahedra and hinges of skin are more than the {most} that CUDA assembles; mesh "
+            "it coarser, or use the device cpu"
+        )
 
 
 def turned(stencils: np.ndarray) -> np.ndarray:

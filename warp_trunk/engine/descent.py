@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import warp as wp
@@ -48,16 +49,23 @@ class ProjectedGradient:
         edges = model.rest[model.corners[:, [0, 0, 0, 1, 1, 2]]] - model.rest[model.corners[:, [1, 2, 3, 2, 3, 3]]]
         self._mean_edge = float(np.linalg.norm(edges, axis=-1).mean())
 
-    def relax(self, watch: Callable[[RelaxStep, State], None] | None = None) -> Relaxation:
+    def relax(
+        self, watch: Callable[[RelaxStep, State], None] | None = None, user: object | None = None
+    ) -> Relaxation:
         """Lowers the energy until it no longer falls; ends STOPPED, with the estimated distance, or STEP_LIMIT.
 
-        `watch` is called after each accepted step, whose estimated error is not known.
+        `watch` is called after each accepted step, whose estimated error is not known; for it and `user` see
+        `Relaxer.relax`.
         """
+        return self._relaxer.ownership.work(user, self._relax, watch)
+
+    def _relax(self, watch: Callable[[RelaxStep, State], None] | None) -> Relaxation:
+        """See `relax`."""
         start, state, model = time.perf_counter(), self._state, self._relaxer.model
         state.evaluate()
         energy, inverted, _ = state.read()
         history = History(
-            energy, inverted, ROUNDING[model.precision], start, watch=watch and (lambda step: watch(step, state))
+            energy, inverted, ROUNDING[model.precision], start, watch=watch and partial(state.show, watch)
         )
         if not math.isfinite(energy.total):
             return history.end(RelaxStatus.NOT_FINITE, math.inf)

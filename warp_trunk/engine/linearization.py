@@ -12,8 +12,9 @@ both lack (a dual-weighted residual, Becker and Rannacher 2001).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import ParamSpec, TypeVar
 
 import numpy as np
 
@@ -29,6 +30,8 @@ from .rest_derivative import rest_force_derivative, rest_motions
 from .simulation import Increment
 from .state import State
 
+P = ParamSpec("P")
+R = TypeVar("R")
 ACCURACY = 3e-4
 """Part of the longest vector of a solution by which any of its vectors may be wrong; derivatives of the anatomy in
 its landmarks are then right to 0.2 %. With 1e-3 one in the thickness of a layer was wrong by 5 %."""
@@ -67,12 +70,13 @@ class Linearization:
             model: the trunk.
             increment: one of a simulation of it.
             accuracy: part of the longest vector of a solution by which a vector may be wrong.
-            relaxer: one of this model, whose matrix and preconditioner are used; it must not relax until this is
-                done with. Made when left out.
+            relaxer: one of this model, whose matrix and preconditioner are used. When it relaxes again this can no
+                longer be used. Made when left out.
             unconfirmed: also where no equilibrium was found; `newton_correction` says how far it is.
 
         Raises:
-            InputError: otherwise, a relaxation that did not converge: what is no equilibrium has no derivative.
+            InputError: otherwise, a relaxation that did not converge: what is no equilibrium has no derivative; or
+                a relaxer that another user is at work with. So do all methods once another has used it.
         """
         if increment.relaxation.status is not RelaxStatus.CONVERGED and not unconfirmed:
             raise InputError(
@@ -82,22 +86,34 @@ class Linearization:
         self.model, self._accuracy = model, accuracy
         self.iterations = 0
         self._relaxer = relaxer = relaxer or Relaxer(model)
-        self._state = relaxer.state
-        if not model.free_nodes:
-            return
-        matrix, preconditioner = relaxer.assemble_true(model.array(increment.from_rest, model.vec3))
+        self._state, self._user = relaxer.state, relaxer.ownership.take()
+        if model.free_nodes:
+            self._in_turn(self._assemble, increment.from_rest)
+
+    def _assemble(self, displacement: np.ndarray) -> None:
+        """Assembles the true Hessian at a displacement from rest, shape (nodes, 3), and makes a solver with it."""
+        model = self.model
+        matrix, preconditioner = self._relaxer.assemble_true(model.array(displacement, model.vec3))
         self._coupling = Coupling(self._state)
         self._right_side, self._guess, self._product = (model.free_vectors() for _ in range(3))
         self._multiply = matrix.multiply(self._guess, self._product, zero_dots(model))
         self._solver = ConjugateGradient(matrix, preconditioner, self._right_side, MOST_ITERATIONS)
+
+    def _in_turn(self, function: Callable[P, R], *arguments: P.args, **named: P.kwargs) -> R:
+        """Calls a function that uses the relaxer; refused once another has used it."""
+        return self._relaxer.ownership.work(self._user, function, *arguments, **named)
 
     def newton_correction(self) -> np.ndarray:
         """From where the increment ended to the equilibrium, by the Hessian there [mm], shape (nodes, 3).
 
         A Newton step: where the tissue is caught at one place, it says what that leaves open everywhere else.
         """
-        self._state.evaluate()
-        force = self._in_mesh_order(self._state.gradient.numpy()[self.model.free].astype(np.float64))[None]
+
+        def gradient() -> np.ndarray:
+            self._state.evaluate()
+            return self._state.gradient.numpy()[self.model.free].astype(np.float64)
+
+        force = self._in_mesh_order(self._in_turn(gradient))[None]
         return self.follow(np.zeros_like(force), force)[0]
 
     def adjoints(self, weights: np.ndarray) -> Adjoints:
@@ -116,7 +132,7 @@ class Linearization:
         right[: len(weights)], right[len(weights) :] = self._of_free(weights), force
         start = np.zeros_like(right)
         start[len(weights) :] = moved[:, self.model.free]
-        found, left = self._solve(right, self._accuracy, start)
+        found, left = self._in_turn(self._solve, right, self._accuracy, start)
         moved[:, self.model.free] = found[len(weights) :]
         of_numbers = (self._in_mesh_order(each[: len(weights)]) for each in (found, left))
         return Adjoints(*of_numbers), self._in_mesh_order(moved)
@@ -145,18 +161,24 @@ class Linearization:
 
         See `weight_derivative`, and `parts_derivative` where parts of tissues change in a mixture.
         """
+        if not derivatives or not self.model.free_nodes:
+            return np.zeros((len(derivatives), self.model.nodes, 3))
+        return self._in_mesh_order(self._in_turn(self._force_derivatives, derivatives))
+
+    def _force_derivatives(self, derivatives: Sequence[Mapping[str, np.ndarray]]) -> np.ndarray:
+        """Those on the free nodes, shape (changes, free, 3)."""
         model, scan = self.model, self.model.scan
-        if not derivatives or not model.free_nodes:
-            return np.zeros((len(derivatives), model.nodes, 3))
         end = self._state.displacement.numpy().copy()
         found = np.array([self._force_derivative(each, end) for each in derivatives])
         if scan is not None:
-            self._relaxer.assemble_true(model.array(scan, model.vec3))
-            there = np.array([self._force_derivative(each, scan) for each in derivatives])
-            moved = rest_motions(model, there, self._solve, self._accuracy)
-            self._relaxer.assemble_true(model.array(end, model.vec3))
+            try:
+                self._relaxer.assemble_true(model.array(scan, model.vec3))
+                there = np.array([self._force_derivative(each, scan) for each in derivatives])
+                moved = rest_motions(model, there, self._solve, self._accuracy)
+            finally:
+                self._relaxer.assemble_true(model.array(end, model.vec3))
             found += [rest_force_derivative(model, end.astype(np.float64), each) for each in moved]
-        return self._in_mesh_order(found)
+        return found
 
     def _force_derivative(self, derivative: Mapping[str, np.ndarray], displacement: np.ndarray) -> np.ndarray:
         """The gradient of the energy with the derivative of its weights in their place, (free, 3)."""
@@ -171,7 +193,7 @@ class Linearization:
             stiffness = derivative.get(STIFFNESS, np.zeros(len(skin.corners)))
             skin = replace(skin, stiffness=model.array(stiffness, model.scalar))
         state = State(replace(model, elements=replace(elements, **weights), skin=skin))
-        state.displacement.assign(displacement)
+        state.set_from_rest(displacement)
         state.evaluate()
         return state.gradient.numpy()[model.free].astype(np.float64)
 

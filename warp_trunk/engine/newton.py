@@ -11,6 +11,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import warp as wp
 
@@ -19,6 +20,7 @@ from .line_search import MOST_TRIALS, search
 from .linear import BlockMatrix, Outcome
 from .model import Model
 from .multigrid import Multigrid
+from .ownership import Ownership
 from .parallel import takes_turns
 from .policy import POLICY, Action, PlannedSolve, Run, decide, decide_claim, decide_end, plan, searched, stretch
 from .relaxation import ROUNDING, History, Relaxation, RelaxOptions, RelaxStatus, RelaxStep, check_tolerance
@@ -32,8 +34,8 @@ class Relaxer:
     state: State
     """The configuration that holds: set it, relax it, read it. Its arrays stay the same."""
 
-    user: object | None = None
-    """The simulation that it relaxes for: the last that began."""
+    ownership: Ownership
+    """Which simulation, linearization or relaxation uses it."""
 
     @takes_turns
     def __init__(self, model: Model, options: RelaxOptions | None = None, grids: Grids | None = None) -> None:
@@ -48,6 +50,7 @@ class Relaxer:
         self.model = model
         self.options = options or RelaxOptions()
         self.state = State(model)
+        self.ownership = Ownership(self.state)
         if model.free_nodes:
             self._work = Work(self.state, grids)
 
@@ -56,26 +59,23 @@ class Relaxer:
         """The grids of the preconditioner, for models `released` from this one; None where no node is free."""
         return self._work.preconditioner.grids if self.model.free_nodes else None
 
-    @takes_turns
     def assemble_true(self, displacement: wp.array) -> tuple[BlockMatrix, Multigrid]:
-        """The true Hessian at a displacement from rest, and a preconditioner of it, until the next relaxation.
+        """The true Hessian at a displacement from rest, and a preconditioner of it, for a user who is at work.
 
         The model must have free nodes. `state` is then at that displacement.
         """
-        self.state.displacement.assign(displacement)
+        self.state.set_from_rest(displacement)
         work = self._work
         work.evaluate()
         work.assemble(true=False, grids=True)
         work.assemble(true=True)
         return work.matrix, work.preconditioner
 
-    @takes_turns
     def prepare(self) -> None:
         """Assembles the projected Hessian where the last relaxation ended, for the next one with `reuse`."""
         if self.model.free_nodes:
-            self._work.assemble(true=False)
+            self.ownership.work(None, self._work.assemble, true=False)
 
-    @takes_turns
     def relax(
         self,
         tolerance: float | None = None,
@@ -86,6 +86,7 @@ class Relaxer:
         near: bool = False,
         reuse: bool = False,
         meanwhile: Callable[[], None] | None = None,
+        user: object | None = None,
     ) -> Relaxation:
         """Relaxes `state` until it is known to be nearer to an equilibrium, no saddle, than the tolerance [mm].
 
@@ -96,19 +97,27 @@ class Relaxer:
         on the way need not be known so well. Without `confirm_inverted` an end with inverted tetrahedra is not
         confirmed either: the caller changes the model there. `near` promises that the state is likely some
         tolerances from its end, which saves work where it is so; `reuse`, that it is near the one whose Hessian
-        was assembled last (`prepare`). `meanwhile` is called while a device is at work.
+        was assembled last (`prepare`). `meanwhile` is called while a device is at work. `user` is the token of a
+        user who has taken the relaxer (`ownership`); a relaxation without one takes it.
 
         Raises:
-            InputError: a tolerance that is no positive number.
+            InputError: a tolerance that is no positive number, another user at work with this relaxer or since it
+                was taken, or a `watch` that moved the tissue.
         """
-        start = time.perf_counter()
         check_tolerance(tolerance := self.options.tolerance if tolerance is None else tolerance)
-        run = Run(
-            tolerance,
-            confirm,
-            try_true=confirm and near,
-            reuse=reuse,
-        )
+        run = Run(tolerance, confirm, try_true=confirm and near, reuse=reuse)
+        return self.ownership.work(user, self._relax, run, watch, confirm, confirm_inverted, meanwhile)
+
+    def _relax(
+        self,
+        run: Run,
+        watch: Callable[[RelaxStep, State], None] | None,
+        confirm: bool,
+        confirm_inverted: bool,
+        meanwhile: Callable[[], None] | None,
+    ) -> Relaxation:
+        """See `relax`."""
+        start = time.perf_counter()
         work, planned = None, plan(run)
         if self.model.free_nodes:
             work = self._work
@@ -124,7 +133,7 @@ class Relaxer:
             inverted,
             ROUNDING[self.model.precision],
             start,
-            watch=watch and (lambda step: watch(step, self.state)),
+            watch=watch and partial(self.state.show, watch),
         )
         if not math.isfinite(energy.total):
             return history.end(RelaxStatus.NOT_FINITE, math.inf)
@@ -165,7 +174,7 @@ class Relaxer:
         return history.end(RelaxStatus.STEP_LIMIT, math.inf)
 
     def estimate_distance(self) -> tuple[float, int]:
-        """Solves for the Newton step at the state as it was evaluated, of a model with free nodes.
+        """Solves for the Newton step at the state as it is, of a model with free nodes, for a user who is at work.
 
         Returns:
             An estimate of how far the equilibrium is [mm], and the linear iterations.

@@ -213,9 +213,10 @@ class _Recorded:
         """Runs the steps."""
         if not self.steps:
             return
-        if self._call is None:
-            self._call = self.team.program(self.steps)
-        self._call()
+        with ENGINE:
+            if self._call is None:
+                self._call = self.team.program(self.steps)
+            self._call()
 
 
 def _size_of(array: wp.array) -> int:

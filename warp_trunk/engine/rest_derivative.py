@@ -50,7 +50,7 @@ def _gradient(model: Model, move: np.ndarray, displacement: np.ndarray) -> np.nd
     """The gradient of the free nodes where the rest state moves and the tissue stays."""
     rest = model.rest + move
     state = State(replace(resting(model, mesh_at(model, rest)), rest=rest))
-    state.displacement.assign(displacement - move)
+    state.set_from_rest(displacement - move)
     state.evaluate()
     return state.gradient.numpy()[model.free].astype(np.float64)
 

@@ -19,6 +19,7 @@ from warp_trunk.errors import InputError
 
 from .model import Model
 from .newton import begin, find_direction
+from .parallel import takes_turns
 from .policy import Action, Run, plan, searched
 from .relaxation import check_tolerance
 from .rest_mesh import RestMesh
@@ -47,6 +48,7 @@ class RestState:
     """Iterations of the linear solver in all."""
 
 
+@takes_turns
 def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
     """The same model, at rest where gravity pulls it into the trunk before surgery.
 
@@ -69,7 +71,7 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
     work = resting(model, scanned)
     state = State(work)
     solver, run = Work(state), Run(tolerance)
-    state.displacement.assign(scan - rest)
+    state.set_from_rest(scan - rest)
     solver.evaluate()
     spent = 0
     for rounds in range(1, MOST_ROUNDS + 1):
@@ -82,7 +84,7 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
         for part in filter(None, (work.elements, work.skin)):
             for name, values in part.measures(mesh).items():
                 getattr(part, name).assign(values)
-        state.displacement.assign(scan - rest)
+        state.set_from_rest(scan - rest)
         solver.evaluate()
         if not (run.known and run.distance <= tolerance):
             continue

@@ -17,7 +17,7 @@ from warp_trunk.kernels.vectors import vector_kernels
 from .descent import ProjectedGradient
 from .model import Model
 from .newton import Relaxer
-from .parallel import ENGINE
+from .parallel import takes_turns
 from .relaxation import Relaxation, RelaxOptions, RelaxStatus, RelaxStep
 from .state import State, to_mesh_order
 
@@ -94,6 +94,7 @@ class Increment:
         return to_mesh_order(self.relaxer.model, self.from_rest)
 
     @property
+    @takes_turns
     def from_rest(self) -> np.ndarray:
         """Displacement from rest in model order as the device has it [mm], shape (nodes, 3), in its precision."""
         return self._from_rest if isinstance(self._from_rest, np.ndarray) else self._from_rest.numpy()
@@ -133,34 +134,34 @@ def simulate(
         raise InputError(
             "relaxer: is of another model or of other options; make one of this model, or leave it out"
         )
-    user = relaxer.user = object()
+    user = relaxer.ownership.take()
     predictor = Predictor(relaxer.state, bone_path)
     descent = ProjectedGradient(relaxer) if options.relax.method == "gradient" else None
-    for number in range(1, options.increments + 1):
-        if relaxer.user is not user:
-            raise InputError(
-                "relaxer: another simulation has begun to use it, and moved the tissue; take the increments of "
-                "one simulation to their end first, or make a relaxer for each"
+
+    def advance(number: int) -> Increment:
+        start = time.perf_counter()
+        load_factor, final = number / options.increments, number == options.increments
+        predictor.move(load_factor)  # phi_t of eq. 4.5
+        if descent is not None:
+            relaxation = descent.relax(watch, user)
+        else:
+            relaxation = relaxer.relax(  # phi~ of eq. 4.3
+                options.relax.tolerance * (1.0 if final else ON_THE_WAY),
+                watch,
+                confirm=final,
+                confirm_inverted=confirm_inverted,
+                meanwhile=None if final else partial(predictor.stage, (number + 1) / options.increments),
+                user=user,
             )
-        with ENGINE:
-            start = time.perf_counter()
-            load_factor, final = number / options.increments, number == options.increments
-            predictor.move(load_factor)  # phi_t of eq. 4.5
-            if descent is not None:
-                relaxation = descent.relax(watch)
-            else:
-                relaxation = relaxer.relax(  # phi~ of eq. 4.3
-                    options.relax.tolerance * (1.0 if final else ON_THE_WAY),
-                    watch,
-                    confirm=final,
-                    confirm_inverted=confirm_inverted,
-                    meanwhile=None if final else partial(predictor.stage, (number + 1) / options.increments),
-                )
-            predictor.record(relaxation)
-            displacement = wp.clone(relaxer.state.displacement)
-            seconds = time.perf_counter() - start
-        increment = Increment(relaxer, number, load_factor, displacement, relaxation, seconds=seconds)
-        yield _in_float64(increment, bone_path, watch, confirm_inverted, message) if final else increment
+        predictor.record(relaxation)
+        displacement = wp.clone(relaxer.state.displacement)
+        seconds = time.perf_counter() - start
+        return Increment(relaxer, number, load_factor, displacement, relaxation, seconds=seconds)
+
+    for number in range(1, options.increments):
+        yield relaxer.ownership.work(user, advance, number)
+    last = relaxer.ownership.work(user, advance, options.increments)
+    yield _in_float64(last, bone_path, watch, confirm_inverted, message)
 
 
 def continued(
@@ -178,10 +179,14 @@ def continued(
     start, model = time.perf_counter(), relaxer.model
     displacement, bones = last.displacement.copy(), model.order[model.prescribed]
     displacement[bones] = bone_path.at(last.load_factor)[bones]  # they were rounded to float32
-    with ENGINE:
+    user = relaxer.ownership.take()
+
+    def advance() -> tuple[Relaxation, wp.array]:
         relaxer.state.set_displacement(displacement)
-        relaxation = relaxer.relax(watch=watch, confirm_inverted=confirm_inverted)
-        from_rest = wp.clone(relaxer.state.displacement)
+        relaxation = relaxer.relax(watch=watch, confirm_inverted=confirm_inverted, user=user)
+        return relaxation, wp.clone(relaxer.state.displacement)
+
+    relaxation, from_rest = relaxer.ownership.work(user, advance)
     seconds, before = last.seconds + time.perf_counter() - start, last.relaxation
     relaxation = replace(
         relaxation,

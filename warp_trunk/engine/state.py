@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import warp as wp
 
+from warp_trunk.errors import InputError
 from warp_trunk.kernels.assembly import BENDING, COLUMNS, INVERTED, NEWLY_INVERTED
 from warp_trunk.kernels.vectors import vector_kernels
 
 from .model import Model
-from .parallel import Launch, Readback, in_sequence
+from .parallel import Launch, Readback, in_sequence, takes_turns
 from .relaxation import Energy
+
+T = TypeVar("T")
 
 
 class State:
@@ -26,6 +31,8 @@ class State:
     """1 where a tetrahedron has no positive volume, shape (tets,), int8."""
     sums: wp.array
     """Energies by term and counts, shape (ranges, 8), columns as in kernels/assembly.py."""
+    version: int
+    """How often the displacement was set."""
 
     def __init__(self, model: Model, start: State | None = None) -> None:
         """At rest, or where the trunk was scanned; `newly_inverted` counts against `start`.
@@ -34,7 +41,7 @@ class State:
             model: the trunk.
             start: the state whose inverted tetrahedra are not new; its own last evaluation when left out.
         """
-        self.model = model
+        self.model, self.version = model, 0
         ranges = model.parallel.ranges
         self.displacement = model.scanned()
         self._slabs = model.zeros(model.vec3, ranges, model.nodes)
@@ -65,6 +72,7 @@ class State:
         for name in ("displacement", "gradient", "inverted", "sums"):
             wp.copy(getattr(self, name), getattr(other, name))
         self._host_sums.send()
+        self.version += 1
 
     def energy(self) -> Energy:
         """The energies of the last evaluation; reads the device."""
@@ -80,6 +88,16 @@ class State:
             terms["gravity"] += elements.gravity_at_rest
         energy = Energy(terms)
         return energy, int(sums[INVERTED]), int(sums[NEWLY_INVERTED])
+
+    def show(self, watch: Callable[[T, State], None], step: T) -> None:
+        """Calls `watch` with a step and the state; InputError where that has moved the tissue."""
+        version = self.version
+        watch(step, self)
+        if self.version != version:
+            raise InputError(
+                "watch: has set another displacement while the tissue relaxes; only read the state there, and set "
+                "it when the relaxation has ended"
+            )
 
     def host_displacement(self) -> np.ndarray:
         """Displacement from before surgery in the mesh's own order [mm], shape (nodes, 3), float64."""
@@ -101,7 +119,14 @@ class State:
         """Sets the displacement of the prescribed nodes to the one staged last."""
         first, count = self.model.free_nodes, self.model.nodes - self.model.free_nodes
         wp.copy(self.displacement, self._staged[0], dest_offset=first, src_offset=first, count=count)
+        self.version += 1
 
+    def set_from_rest(self, displacement: np.ndarray | wp.array) -> None:
+        """Sets the displacement from rest in model order [mm], shape (nodes, 3)."""
+        self.displacement.assign(displacement)
+        self.version += 1
+
+    @takes_turns
     def set_displacement(self, displacement: np.ndarray) -> None:
         """Sets the displacement from before surgery, in the mesh's own order [mm], shape (nodes, 3)."""
         moved = np.take(displacement, self.model.order, axis=0)  # faster than by an index
@@ -110,6 +135,7 @@ class State:
         self._staged.reverse()
         self._staged[0].numpy()[:] = moved
         wp.copy(self.displacement, self._staged[0])
+        self.version += 1
 
 
 def to_mesh_order(model: Model, values: np.ndarray) -> np.ndarray:
