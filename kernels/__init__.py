@@ -1,4 +1,4 @@
-"""All Warp code."""
+"""All Warp code. May import `errors` and `system`."""
 
 import warp as wp
 

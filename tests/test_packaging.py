@@ -2,12 +2,13 @@
 
 import ast
 import importlib
+import shutil
 import subprocess
 import sys
 import tomllib
-from graphlib import TopologicalSorter
-from importlib.util import resolve_name
 from pathlib import Path
+
+import check_imports
 
 import warp_trunk
 
@@ -75,43 +76,16 @@ def test_every_other_file_is_listed_for_the_wheel():
     assert others == {ROOT.parent / room.replace(".", "/") / name for room in listed for name in listed[room]}
 
 
-def modules():
-    """Every file of the package by the name of its module, without the list of public names."""
-    found = {}
-    for room, name in ((ROOT, "warp_trunk"), (KERNELS, "warp_trunk.kernels")):
-        for path in room.rglob("*.py"):
-            parts = path.relative_to(room).with_suffix("").parts
-            found[".".join([name, *parts]).removesuffix(".__init__")] = path
-    del found["warp_trunk"]
-    return found
+def test_imports_keep_to_the_order_of_packages():
+    done = check_imports.check()
+    assert done.returncode == 0, done.stdout
 
 
-def imported(module, path, known):
-    """The modules of the package that one imports, also in its functions, but not for types alone."""
-    tree = ast.parse(path.read_text())
-    branches = [n for n in ast.walk(tree) if isinstance(n, ast.If) and ast.unparse(n.test) == "TYPE_CHECKING"]
-    for_types = {node for branch in branches for node in ast.walk(branch)}
-    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
-    names = set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and node not in for_types:
-            source = resolve_name("." * node.level + (node.module or ""), package)
-            names |= {source, *(f"{source}.{alias.name}" for alias in node.names)}
-        elif isinstance(node, ast.Import) and node not in for_types:
-            names |= {alias.name for alias in node.names}
-    return names & known.keys() - {module}
-
-
-def test_imports_run_in_no_circle():
-    """Of modules, nor of packages."""
-    known = modules()
-    assert {"warp_trunk.engine.model", "warp_trunk.kernels.tets", "warp_trunk.errors"} <= known.keys()
-    of_modules = {module: imported(module, path, known) for module, path in known.items()}
-    TopologicalSorter(of_modules).prepare()
-    of_packages = dict[str, set[str]]()
-    for module, others in of_modules.items():
-        package, *_ = module.split(".")[1:]
-        of_packages.setdefault(package, set()).update(other.split(".")[1] for other in others)
-        of_packages[package].discard(package)
-    TopologicalSorter(of_packages).prepare()
-    assert "case" in of_packages["run"]
+def test_an_import_against_the_order_is_found(tmp_path):
+    for part in ("warp_trunk", "kernels", "pyproject.toml"):
+        (tmp_path / part).symlink_to(check_imports.ROOT / part)
+    (tmp_path / "kernels").unlink()
+    shutil.copytree(KERNELS, tmp_path / "kernels", ignore=shutil.ignore_patterns("__pycache__"))
+    with (tmp_path / "kernels" / "vectors.py").open("a") as file:
+        file.write("import warp_trunk.engine.model\n")
+    assert "warp_trunk.kernels is not allowed to import warp_trunk.engine" in check_imports.check(tmp_path).stdout

@@ -1,1 +1,3 @@
-"""Where the bones are between before and after surgery."""
+"""Where the bones are between before and after surgery: plans, rigid bones and ribs, and their path.
+
+May import `measures` and below."""

@@ -1,4 +1,4 @@
-"""A patient's skin, bones and landmarks, read, checked and written as a case folder."""
+"""A patient's skin, bones and landmarks, read, checked and written as a case folder. May import `io` and below."""
 
 from .axes import Axes
 from .case import Case

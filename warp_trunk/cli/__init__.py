@@ -1,4 +1,4 @@
-"""The command line. The options of a command are the fields of its dataclass."""
+"""The command line; the options of a command are the fields of its dataclass. May import every package."""
 
 from .commands import main
 

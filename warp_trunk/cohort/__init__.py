@@ -1,1 +1,1 @@
-"""Many cases at once, on the cores of this machine or on a cluster: simulated, evaluated and summarised."""
+"""Many cases, on this machine or a cluster: simulated, judged, summarised. May import `run` and below."""

@@ -1,1 +1,1 @@
-"""The relaxation of soft tissue around moving bones. Needs numpy, warp, warp_trunk.kernels and nothing else."""
+"""The relaxation of soft tissue around moving bones. May import NumPy, Warp, `kernels` and below."""

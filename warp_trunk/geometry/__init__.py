@@ -1,1 +1,1 @@
-"""Surfaces, sections, splines, rigid motions and distance fields: what several rooms need, once."""
+"""Surfaces, sections, splines, rigid motions and distance fields. May import `kernels` and below."""

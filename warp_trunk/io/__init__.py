@@ -1,1 +1,1 @@
-"""Opening, reading and writing files so that a damaged one does no harm."""
+"""Files opened, read and written so that a damaged one does no harm. May import `geometry`, `engine` and below."""

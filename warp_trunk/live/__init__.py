@@ -1,1 +1,1 @@
-"""The planning page: a plan is moved by sliders in a browser, and the back follows."""
+"""The planning page: sliders in a browser move a plan, and the back follows. May import `run` and below."""

@@ -1,4 +1,4 @@
-"""Measures of a trunk with their definitions: the back, the spine, and one skin compared with another."""
+"""Measures of a trunk with their definitions, and one skin against another. May import `spine` and below."""
 
 from .back import BackMeasures, measure_back
 from .back_rotation import DualTangent, back_surface_rotation

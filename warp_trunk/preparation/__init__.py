@@ -1,1 +1,1 @@
-"""From what a clinic has, or from formulas, to a case."""
+"""From scans, films, label maps or formulas to a case. May import `bone_motion` and below."""

@@ -1,4 +1,4 @@
-"""The Rerun recording of a simulation: what is drawn, how the viewer lays it out, and where it is shown."""
+"""The Rerun recording of a simulation: its scene, layout and viewer. May import `results` and below."""
 
 from .recording import Recording
 from .stream import load_rerun

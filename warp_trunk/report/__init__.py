@@ -1,1 +1,1 @@
-"""The report of a result, or of plans side by side, for patient and surgeon: pictures, sentences and numbers."""
+"""Pages of a result, of plans or of a cohort: pictures, sentences, numbers. May import `results` and below."""

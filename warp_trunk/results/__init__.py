@@ -1,4 +1,4 @@
-"""The result folder of a simulation, written and read, and its end in words."""
+"""A result as a folder: one table of numbers, skins, a summary. May import `bone_motion` and below."""
 
 from .result import Result, prepare_folder, read_result, write_result
 from .summarize import result_of

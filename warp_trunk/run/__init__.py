@@ -1,1 +1,1 @@
-"""One whole run: from a case to a result folder."""
+"""A run from case to result: prediction, intervals, search of a plan. May import `recording` and below."""
