@@ -34,8 +34,8 @@ class Import:
     """
 
     segmentation: Positional[Path]
-    """A label map (.nii.gz, .nii, .seg.nrrd, .nrrd), or a folder with one mask for each class, or a folder of
-    surfaces."""
+    """A label map (.nii.gz, .nii, .seg.nrrd, .nrrd), a DICOM segmentation object (.dcm), or a folder with one mask
+    for each class, or a folder of surfaces."""
     out: Path
     """Case folder to write."""
     body: Path | None = None

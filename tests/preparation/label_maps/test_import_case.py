@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from voxelise_case import write_labels
 
+from support.dicom_seg import write_segmentation
 from support.label_maps import LEVELS, NAMES, NUMBERS, bones, labels, write_map, write_masks, write_seg_nrrd
 from warp_trunk import find_landmarks
 from warp_trunk.case import read_case
@@ -88,6 +89,17 @@ def test_every_form_of_a_label_map_gives_the_same_bones(made, files, tmp_path, f
         np.testing.assert_allclose(again.case.bones[name].vertices, bone.vertices, atol=1e-4)
     np.testing.assert_allclose(again.case.skin.vertices, made.case.skin.vertices, atol=1e-4)
     np.testing.assert_allclose(again.case.landmarks_before.points, made.case.landmarks_before.points, atol=1e-3)
+
+
+def test_a_dicom_segmentation_gives_the_same_case(made, files, tmp_path):
+    values, affine = labels()
+    names = {number: NAMES[number] for number in np.unique(values).tolist() if number}
+    path = write_segmentation(tmp_path / "a.dcm", values[None], affine, names)
+    again = import_case(read_source(path), read_body(files[1]), "a", QUICK)
+    for name, bone in made.case.bones.items():  # the order of its slices may be the other one
+        assert np.abs(SurfaceDistance(bone).at(again.case.bones[name].vertices)).max() < 0.01
+    assert again.case.landmarks_before.names == made.case.landmarks_before.names
+    np.testing.assert_allclose(again.case.landmarks_before.points, made.case.landmarks_before.points, atol=0.1)
 
 
 def test_surfaces_by_names_of_others(made, tmp_path):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -20,6 +20,8 @@ class Image:
     """For each layer, what its labels are called in the file; empty where the file names none."""
     notes: tuple[str, ...] = ()
     """A sentence for each doubt about the file."""
+    meanings: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
+    """For a label, what its codes in the file say it is, where the file has codes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,3 +36,4 @@ class Stored:
     """From voxels to LPS [mm], shape (4, 4)."""
     names: tuple[Mapping[int, str], ...] = ({},)
     notes: tuple[str, ...] = ()
+    meanings: Mapping[int, tuple[str, ...]] = field(default_factory=dict)

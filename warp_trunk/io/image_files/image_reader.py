@@ -1,6 +1,7 @@
 """From a file or a folder to labels or a scan.
 
-SimpleITK reads NRRD, segmentations of 3D Slicer and folders of DICOM; nibabel reads NIfTI. SimpleITK 2.5 loses
+SimpleITK reads NRRD, segmentations of 3D Slicer and folders of DICOM; nibabel reads NIfTI; highdicom reads
+segmentation objects of DICOM, which are known by their content. SimpleITK 2.5 loses
 data of NIfTI without an error: it fills a file that is cut off with zeros, ignores the lengths of axes in the
 sform, accepts a file that does not state its orientation, and does not return the names of labels. It also
 refuses the sheared grid of a tilted gantry. MetaImage is not read: a damaged header of one ends the process.
@@ -20,6 +21,7 @@ import numpy as np
 from warp_trunk.errors import InputError
 
 from ..file_access import MOST_SURFACE, FormatError, check_file, parsing
+from .dicom_seg import is_dicom, open_segmentation
 from .image import Image, Stored
 
 ENDINGS = (".nii", ".nii.gz", ".nrrd")
@@ -61,11 +63,11 @@ def _read(path: Path, scan: bool) -> Image:
         size = sum(file.stat().st_size for file in path.iterdir() if file.is_file())
     else:
         size = check_file(path, f"{what} ({', '.join(ENDINGS)}) was expected", MOST_SURFACE)
-        if image_ending(path) is None:
+        if image_ending(path) is None and (scan or not is_dicom(path)):
             raise InputError(
                 f"{path}: cannot be read as {what} ('{path.suffix}' is not known); use {', '.join(ENDINGS)}"
             )
-    if not (find_spec("nibabel") and find_spec("SimpleITK")):
+    if not (find_spec("nibabel") and find_spec("SimpleITK") and find_spec("highdicom")):
         raise InputError(
             f"{path}: needs packages that are not installed; pip install 'warp-trunk[images]' "
             "(in a clone: uv sync --extra images)"
@@ -79,6 +81,8 @@ def _read(path: Path, scan: bool) -> Image:
         if path.name.lower().endswith((".nii", ".nii.gz")):
             with open_nifti(path, scan) as stored:
                 return _converted(path, stored, scan)
+        if image_ending(path) is None:
+            return _converted(path, open_segmentation(path), scan)
         return _converted(path, open_nrrd(path), scan)
 
 
@@ -103,7 +107,7 @@ def _converted(path: Path, stored: Stored, scan: bool) -> Image:
         if not np.can_cast(slab.dtype, storage.dtype):
             storage = storage.astype(slab.dtype)
         storage[:, part] = slab.reshape(-1, *slab.shape[-3:]).transpose(0, 3, 2, 1)
-    return Image(storage.transpose(0, 3, 2, 1), stored.affine, stored.names, stored.notes)
+    return Image(storage.transpose(0, 3, 2, 1), stored.affine, stored.names, stored.notes, stored.meanings)
 
 
 def _labels(slab: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ import numpy as np
 from warp_trunk.errors import InputError
 
 from ..file_access import FormatError
+from .dicom_seg import is_dicom
 from .image import Stored
 
 _UNEVEN = 0.1
@@ -99,7 +100,7 @@ def open_series(folder: Path) -> Stored:
             f"{folder}: one DICOM series was expected, {len(series)} are there; give the folder of the CT alone"
         )
     files = reader.GetGDCMSeriesFileNames(str(folder), series[0])
-    damaged = {path.name for path in folder.iterdir() if _is_dicom(path)} - {Path(file).name for file in files}
+    damaged = {path.name for path in folder.iterdir() if is_dicom(path)} - {Path(file).name for file in files}
     if damaged:  # SimpleITK leaves them out without an error
         raise InputError(
             f"{folder / min(damaged)}: is no whole slice of the series; export it again, or remove it"
@@ -113,13 +114,6 @@ def open_series(folder: Path) -> Stored:
         raise RuntimeError(_last_words(error)) from error
     voxels = package.GetArrayViewFromImage(image)
     return Stored(lambda part, _kept=image: voxels[part].T, image.GetSize(), affine)
-
-
-def _is_dicom(path: Path) -> bool:
-    if path.name == "DICOMDIR" or not path.is_file():
-        return False
-    with path.open("rb") as file:
-        return file.read(132)[128:] == b"DICM"
 
 
 def _affine(package: Any, files: tuple[str, ...]) -> np.ndarray:

@@ -18,6 +18,7 @@ from warp_trunk.case.anatomy import SIDES, bone_of_words, words_of
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.file_access import read_text
+from warp_trunk.io.image_files.dicom_seg import is_dicom
 from warp_trunk.io.image_files.image import Image
 from warp_trunk.io.image_files.image_reader import ENDINGS, image_ending, image_stem, read_labels
 from warp_trunk.io.surface_files import read_surface, surface_files
@@ -136,7 +137,8 @@ def read_source(path: Path, labels: str | None = None) -> Source:
     """Reads a label map, a folder of one mask for each class, or a folder of surfaces.
 
     Args:
-        path: a file .nii, .nii.gz, .nrrd or .seg.nrrd, or a folder of such or of surface files.
+        path: a file .nii, .nii.gz, .nrrd or .seg.nrrd, a segmentation object of DICOM or its folder, or a folder
+            of masks or of surface files.
         labels: which names the numbers of a label map stand for, see `label_table`; the file's own when left out.
 
     Raises:
@@ -197,7 +199,9 @@ def _label_map(path: Path, table: Mapping[int, str] | None) -> Source:
     for layer, known in zip(image.layers, names, strict=True):
         for value, box in boxes(layer).items():
             label = known.get(value, f"label {value}")
-            if value not in known or (name := known_name(label)) is None:
+            texts = (label, *(() if table else image.meanings.get(value, ()))) if value in known else ()
+            name = next((ours for text in texts if (ours := known_name(text))), None)
+            if name is None:
                 found.left_over.append(label)
                 continue
             first = tuple(part.start for part in box)
@@ -212,6 +216,14 @@ def _folder(folder: Path, table: Mapping[int, str] | None) -> Source:
     found = Source()
     surfaces = [*surface_files(folder).items(), *surface_files(folder / "bones").items()]
     images = sorted(path for path in folder.iterdir() if image_ending(path) and not path.name.startswith("."))
+    objects = [] if surfaces or images else [path for path in folder.iterdir() if is_dicom(path)]
+    if len(objects) == 1:
+        return _label_map(objects[0], None)
+    if objects:
+        raise InputError(
+            f"{folder}: holds {len(objects)} DICOM objects, and one segmentation was expected; give its file, and "
+            "the folder of the CT by --ct"
+        )
     for stem, path in [*surfaces, *((image_stem(path), path) for path in images)]:
         name = known_name(stem)
         if name is None:
