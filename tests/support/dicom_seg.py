@@ -8,6 +8,7 @@ import highdicom
 import numpy as np
 import pydicom
 from highdicom.sr.coding import CodedConcept
+from pydicom.dataset import FileMetaDataset
 from pydicom.uid import CTImageStorage, ExplicitVRLittleEndian, generate_uid
 
 ANATOMY = CodedConcept("91723000", "SCT", "Anatomical structure")
@@ -30,7 +31,7 @@ def series(
     for k in range(shape[2]):
         place = affine[:3, 3] + k * affine[:3, 2] if places is None else places(k)
         header: Any = pydicom.Dataset()
-        header.file_meta = pydicom.dataset.FileMetaDataset()
+        header.file_meta = FileMetaDataset()
         header.file_meta.TransferSyntaxUID = ExplicitVRLittleEndian
         header.SOPClassUID, header.SOPInstanceUID = CTImageStorage, generate_uid()
         header.StudyInstanceUID, header.SeriesInstanceUID, header.FrameOfReferenceUID = study, whole, frame

@@ -38,7 +38,7 @@ def test_segments_are_where_they_were_drawn(tmp_path, kind):
         drawn = np.argwhere(APART[0] == number) @ AFFINE[:3, :3].T + AFFINE[:3, 3]
         np.testing.assert_allclose(places_of(image, number), sorted_points(drawn), atol=2e-3)
     assert [dict(names) for names in image.names] == [NAMES]
-    assert bool(image.notes) == (kind == "FRACTIONAL")
+    assert any("at least a half" in note for note in image.notes) == (kind == "FRACTIONAL")
 
 
 def test_segments_that_overlap_keep_all_their_voxels(tmp_path):
@@ -98,8 +98,18 @@ def test_frames_that_are_left_out_are_empty(tmp_path):
     labels = np.zeros((1, *SHAPE), dtype=np.uint8)
     labels[0, 2, 2, (0, 1, 4)] = 1, 1, 2  # frames 2 and 3 have no voxel and are not written
     image = read_labels(write_segmentation(tmp_path / "a.dcm", labels, AFFINE, NAMES))
-    assert image.layers.shape[-1] == 5
     assert np.count_nonzero(image.layers) == 3
+    assert np.ptp(np.argwhere(image.layers[0])[:, 2]) == 4
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_a_bone_seems_cut_off_only_where_its_frame_is_the_last_of_the_series(tmp_path, first):
+    labels = np.zeros((1, *SHAPE), dtype=np.uint8)
+    labels[0, 2, 2, first:] = 1
+    labels[0, 4, 4, 4] = 2
+    path = write_segmentation(tmp_path / "a.dcm", labels, AFFINE, NAMES)
+    assert bool(read_source(path).masks["T8"].faces_at_border()) == (first == 0)
+    assert bool(read_labels(path).notes) == (first == 1)
 
 
 def test_a_slice_of_the_scan_is_no_segmentation(tmp_path: Path):

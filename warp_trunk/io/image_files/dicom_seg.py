@@ -1,7 +1,8 @@
 """DICOM segmentation objects, as hospitals keep and 3D Slicer and TotalSegmentator write them, by highdicom.
 
 Segments may overlap, so that each goes into the first layer that is free where it is. A frame without a voxel is
-mostly left out of the file; the grid of those that are there says where it belongs.
+mostly left out of the file; the grid of those that are there says where it belongs. Where frames are left out, an
+empty slice is added at both ends, or else the first bone would seem to be cut off by the image.
 """
 
 from __future__ import annotations
@@ -57,13 +58,16 @@ def open_segmentation(path: Path) -> Stored:
     numbers = [number for number in segmentation.segment_numbers if number]  # 0 is what lies outside all
     if not numbers:
         raise InputError(f"{path}: has no segment; export the segmentation again")
+    ends = int(_slices_of_series(segmentation) > grid.spatial_shape[0])
     layers: list[np.ndarray] = []
     names: list[dict[int, str]] = []
     meanings: dict[int, tuple[str, ...]] = {}
     for number in numbers:
         # as the grid above, along (slice, row, column)
         voxels = segmentation.get_volume(segment_numbers=[number], atol=_SHIFTED).array[..., 0]
-        inside = voxels >= _HALF if voxels.dtype.kind == "f" else voxels > 0
+        inside = np.pad(
+            voxels >= _HALF if voxels.dtype.kind == "f" else voxels > 0, [(ends, ends), (0, 0), (0, 0)]
+        )
         layer = next((n for n, labels in enumerate(layers) if not labels[inside].any()), len(layers))
         if layer == len(layers):
             layers.append(np.zeros(inside.shape, dtype=np.uint16 if max(numbers) > 255 else np.uint8))
@@ -72,14 +76,25 @@ def open_segmentation(path: Path) -> Stored:
         description = segmentation.get_segment_description(number)
         names[layer][number] = str(description.segment_label)
         meanings[number] = _meanings(description)
-    notes = ()
+    notes: list[str] = []
+    if ends:
+        notes.append(
+            "slices without a segment are left out of it, so that a bone cut off by the image is not noticed"
+        )
     if segmentation.segmentation_type.value == "FRACTIONAL":
-        notes = ("its segments are fractional; a voxel is taken where it holds at least a half",)
+        notes.append("its segments are fractional; a voxel is taken where it holds at least a half")
     voxels = np.stack(layers).transpose(0, 3, 2, 1)  # (layers, column, row, slice)
     affine = grid.affine[:, [2, 1, 0, 3]]
+    affine[:, 3] -= ends * affine[:, 2]
     if len(layers) == 1:
         voxels = voxels[0]
-    return Stored(lambda part: voxels[..., part], voxels.shape, affine, tuple(names), notes, meanings)
+    return Stored(lambda part: voxels[..., part], voxels.shape, affine, tuple(names), tuple(notes), meanings)
+
+
+def _slices_of_series(segmentation: Any) -> int:
+    """The slices of the series that was segmented; 0 where the object does not name them."""
+    referenced = segmentation.get("ReferencedSeriesSequence") or [{}]
+    return len(referenced[0].get("ReferencedInstanceSequence") or ())
 
 
 def _meanings(description: Any) -> tuple[str, ...]:
