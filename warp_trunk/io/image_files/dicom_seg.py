@@ -14,6 +14,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 
+from ..file_access import FormatError
 from .image import Stored
 
 _PARALLEL = 1e-3
@@ -38,14 +39,14 @@ def open_segmentation(path: Path) -> Stored:
     Raises:
         InputError: it is another object, for example a slice of the scan, has no segment, or its frames are not
             parallel, not behind each other or not at even distances.
-        ValueError: it is cut off.
+        FormatError: it is cut off.
     """
     import highdicom
     import pydicom
 
     kind = pydicom.dcmread(path, stop_before_pixels=True).get("Modality")
     if kind is None:
-        raise ValueError("it states no modality; it is cut off, or no image")
+        raise FormatError("it states no modality; it is cut off, or no image")
     if kind != "SEG":
         raise InputError(
             f"{path}: is a DICOM object of the modality {kind}, and a segmentation (SEG) was expected; give the "
@@ -98,7 +99,7 @@ def _slices_of_series(segmentation: Any) -> int:
 
 
 def _meanings(description: Any) -> tuple[str, ...]:
-    """What the codes of a segment say: its type and its anatomic region, each behind its side."""
+    """The meanings of the codes of a segment: its type and its anatomic region, each behind its side."""
     said = []
     for what, of_modifier in (
         ("SegmentedPropertyTypeCodeSequence", "SegmentedPropertyTypeModifierCodeSequence"),
