@@ -165,7 +165,7 @@ def truth(case: Case, options: Options) -> Surface:
         bones="follow",
         record=False,
     )
-    with open(os.devnull, "w") as nowhere:
+    with open(os.devnull, "w", encoding="utf-8") as nowhere:
         result = simulate(case, options=run, progress=Progress(nowhere), warnings=())
     if not result.converged:
         raise InputError(f"truth: ended {result.status.name}")

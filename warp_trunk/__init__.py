@@ -23,6 +23,8 @@ from typing import Any
 
 import lazy_loader
 
+__version__ = "0.1.0"
+"""The version of the package; pyproject.toml reads it here."""
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 

@@ -22,6 +22,7 @@ from .run.best_plan import best_plan
 from .run.options import RunOptions
 from .run.simulate import simulate
 
+__version__: str
 __all__ = [
     "Case",
     "CurvePlan",

@@ -82,7 +82,7 @@ def peak_memory(device: str) -> float:
     if device != "cpu":
         return wp.get_mempool_used_mem_high(device) / 1e6
     status = Path("/proc/self/status")
-    for line in status.read_text().splitlines() if status.exists() else ():
+    for line in status.read_text(encoding="utf-8").splitlines() if status.exists() else ():
         if line.startswith("VmHWM:"):
             return float(line.split()[1]) * 1024.0 / 1e6
     # elsewhere; on Linux it would count what the parent held as well
@@ -94,7 +94,7 @@ def hardware(device: str) -> str:
     if device != "cpu":
         return wp.get_device(device).name
     info = Path("/proc/cpuinfo")
-    lines = info.read_text().splitlines() if info.exists() else []
+    lines = info.read_text(encoding="utf-8").splitlines() if info.exists() else []
     names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
     return f"{names[0] if names else platform.machine()}, {len(os.sched_getaffinity(0))} cores"
 
@@ -125,7 +125,7 @@ def read_records(path: str | Path) -> list[Record]:
         InputError: the file is missing or holds something else.
     """
     try:
-        stored: list[dict[str, Any]] = json.loads(Path(path).read_text())
+        stored: list[dict[str, Any]] = json.loads(Path(path).read_text(encoding="utf-8"))
         return [Record(**record) for record in stored]
     except (OSError, ValueError, TypeError) as error:
         raise InputError(f"{path}: cannot be read as records of 'run' ({error})") from error

@@ -186,7 +186,7 @@ READERS: dict[str, tuple[str, Callable[[Path], object], Callable[[Path], object]
 
 def gigabytes() -> float:
     """Memory of the process [GB]."""
-    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 1e9
+    return int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[1]) * resource.getpagesize() / 1e9
 
 
 def read_damaged(reader: str, folder: Path, seeds: Iterable[int]) -> None:

@@ -6,11 +6,13 @@ import shlex
 import subprocess
 import sys
 from dataclasses import fields, replace
+from importlib import metadata
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
+import warp_trunk
 from support.blocks import spine_and_hips
 from support.report_results import write_small_result
 from support.small_case import small_case
@@ -48,6 +50,12 @@ import numpy
 numpy.ones((500, 500)) @ numpy.ones((500, 500))
 print(len(os.listdir("/proc/self/task")), file=sys.stderr)
 """
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"warp-trunk {warp_trunk.__version__}\n"
+    assert warp_trunk.__version__ == metadata.version("warp-trunk")
 
 
 def test_every_command_is_shown_with_its_first_sentence(capsys: pytest.CaptureFixture[str]) -> None:

@@ -28,13 +28,13 @@ def rows(page: str) -> dict[str, list[str]]:
 
 def anchors(page: Path) -> set[str]:
     """Anchors of the headings of a page, as GitHub and MkDocs name them."""
-    headings = re.findall(r"^#+ (.*)$", page.read_text(), flags=re.MULTILINE)
+    headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
     return {re.sub(r"[^\w -]", "", heading.lower()).strip().replace(" ", "-") for heading in headings}
 
 
 @pytest.mark.parametrize("page", OUTSIDE, ids=lambda page: page.name)
 def test_links_beside_the_site_lead_to_a_file_and_a_heading(page: Path) -> None:
-    links = re.findall(r"\]\((?!https?:)([^)#]*)#?([^)]*)\)", page.read_text())
+    links = re.findall(r"\]\((?!https?:)([^)#]*)#?([^)]*)\)", page.read_text(encoding="utf-8"))
     assert links
     for file, anchor in links:
         assert (ROOT / file).is_file(), file
@@ -43,7 +43,7 @@ def test_links_beside_the_site_lead_to_a_file_and_a_heading(page: Path) -> None:
 
 @pytest.mark.parametrize("page", [*PAGES, *OUTSIDE], ids=lambda page: page.name)
 def test_no_page_names_a_folder_of_a_machine(page: Path) -> None:
-    assert not re.search(r"(?<![\w.])/(work|tmp|home|root|Users)/", page.read_text())
+    assert not re.search(r"(?<![\w.])/(work|tmp|home|root|Users)/", page.read_text(encoding="utf-8"))
 
 
 def test_readme_names_every_command() -> None:

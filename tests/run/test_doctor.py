@@ -1,6 +1,8 @@
 """Findings of `doctor`, on a machine that lacks something and where a compiled kernel is cut off."""
 
 import os
+import platform
+import re
 import struct
 import subprocess
 import sys
@@ -11,6 +13,7 @@ import pytest
 from warp_trunk.kernels.starting import drop_damaged_kernels
 
 from warp_trunk.cli import main
+from warp_trunk.engine.waking import waking_way
 from warp_trunk.run import doctor
 from warp_trunk.run.doctor import Finding, examine
 
@@ -59,6 +62,8 @@ def test_command_ends_with_status_3_only_where_something_needed_is_missing(tmp_p
     said = capsys.readouterr().out
     assert said.rstrip().endswith("Ready.")
     assert "MISSING" not in said
+    assert re.search(rf"^ok +processor +{platform.machine()}, \d+ cores", said, re.MULTILINE)
+    assert re.search(rf"^ok +threads +woken by {waking_way()}$", said, re.MULTILINE)
     (tmp_path / "file").write_text("no folder")
     request.getfixturevalue("no_processes")
     assert main(["doctor", "--results", str(tmp_path / "file" / "results")]) == 3
@@ -81,6 +86,15 @@ def test_compiled_modules_that_are_cut_off_are_removed(keep, tmp_path):
     assert (tmp_path / "wp_neo_hookean_float32_1" / "a.o").exists() == (keep == 1000)
     assert (tmp_path / compiling / "a.o").exists()
     assert (tmp_path / "other" / "a.o").exists()
+
+
+def test_compiled_modules_of_macos_are_kept(tmp_path):
+    """They are Mach-O files; all of them were removed at every start."""
+    for place, head in (("wp_a_1/a.o", b"\xcf\xfa\xed\xfe"), ("wp_b_1/b.o", b"\0\0\0\0")):
+        (tmp_path / place).parent.mkdir()
+        (tmp_path / place).write_bytes(head.ljust(1000, b"\0"))
+    drop_damaged_kernels(tmp_path)
+    assert [path.name for path in tmp_path.rglob("*.o")] == ["a.o"]
 
 
 @pytest.mark.slow

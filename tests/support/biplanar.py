@@ -33,7 +33,7 @@ def biplanar(landmarks: Landmarks, noise: float = 0.0, seed: int = 0) -> tuple[F
 def write_film(points: Path, matrix: Path, film: Film) -> None:
     """The landmarks of a film and its projection, as triangulate reads them."""
     rows = [f"{name},{u!r},{v!r}" for name, (u, v) in zip(film.names, film.points.tolist(), strict=True)]
-    points.write_text("\n".join(["name,u,v", *rows]))
+    points.write_text("\n".join(["name,u,v", *rows]), encoding="utf-8")
     np.savetxt(matrix, film.projection, fmt="%.17g")
 
 

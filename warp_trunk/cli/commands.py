@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from warp_trunk import __version__
 from warp_trunk.errors import InputError, nearest
 
 from .output import BAD_INPUT, FILE_ERROR, INTERRUPTED, OK
@@ -67,7 +68,8 @@ def overview() -> str:
         lines += textwrap.wrap(
             _sentence(name), 100, initial_indent=f"  {name:<{width}}", subsequent_indent=" " * (width + 2)
         )
-    return "\n".join([*lines, "", "warp-trunk COMMAND --help lists the options of each."])
+    lines += ["", "warp-trunk COMMAND --help lists the options of each; warp-trunk --version prints the version."]
+    return "\n".join(lines)
 
 
 def _sentence(name: str) -> str:
@@ -87,6 +89,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if arguments and arguments[0] in ("-h", "--help"):
         print(overview())
+        return OK
+    if arguments and arguments[0] in ("-V", "--version"):
+        print(f"warp-trunk {__version__}")
         return OK
     warnings.formatwarning = lambda message, *_, **__: f"warp-trunk: warning: {message}\n"
     try:

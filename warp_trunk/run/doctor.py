@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import platform
 import shutil
 import subprocess
 import tempfile
@@ -15,6 +16,7 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.engine.parallel import choose_threads
+from warp_trunk.engine.waking import waking_way
 from warp_trunk.kernels.starting import start_warp
 from warp_trunk.meshing.cache import cache_folder
 from warp_trunk.meshing.tetrahedra import mean_ratio, run_tetgen
@@ -53,7 +55,8 @@ def examine(results: Path) -> Iterator[Finding]:
     for name, version in versions().items():
         cure = "" if version else f"install it: uv sync, or pip install {name}"
         yield Finding(name, version or "not found", cure, needed=True)
-    yield Finding("processor", f"{choose_threads(0)} cores for this process")
+    yield Finding("processor", f"{platform.machine()}, {choose_threads(0)} cores for this process")
+    yield Finding("threads", f"woken by {waking_way()}")
     start_warp()  # which drops kernels that are cut off
     kernels, again = Path(wp.config.kernel_cache_dir or ""), "install it again: uv sync --reinstall-package"
     probes = {
