@@ -89,7 +89,11 @@ def table(given: argparse.Namespace) -> None:
     if given.page is None:
         print_table(records)
     else:
-        given.page.write_text(tables.replaced(given.page.read_text(), tables.short_table(records)))
+        given.page.write_text(
+            tables.replaced(given.page.read_text(encoding="utf-8"), tables.short_table(records)),
+            encoding="utf-8",
+            newline="\n",
+        )
 
 
 def choose_settings(given: argparse.Namespace, problem: Problem) -> list[Setting]:

@@ -49,9 +49,13 @@ def main() -> None:
         for kind in CURVES:
             file = arguments.out / f"{name}_{kind}.json"
             if not file.exists():
-                file.write_text(json.dumps(compared(make_case(skin, bones, CURVES[kind][0], 0.0), kind)))
-            print(name, kind, file.read_text(), flush=True)
-    print(table([json.loads(file.read_text()) for file in sorted(arguments.out.glob("*.json"))]))
+                file.write_text(
+                    json.dumps(compared(make_case(skin, bones, CURVES[kind][0], 0.0), kind)),
+                    encoding="utf-8",
+                    newline="\n",
+                )
+            print(name, kind, file.read_text(encoding="utf-8"), flush=True)
+    print(table([json.loads(file.read_text(encoding="utf-8")) for file in sorted(arguments.out.glob("*.json"))]))
 
 
 def compared(whole: Case, kind: str) -> dict[str, Any]:

@@ -89,7 +89,7 @@ def main(options: Options) -> None:
         for name, case in cases.items():
             write_case(folder.with_name(name), case)
         known[folder.name] = {"draws": attempts, **dataclasses.asdict(drawn)}
-        (options.out / "truth.json").write_text(json.dumps(known, indent=2) + "\n")
+        (options.out / "truth.json").write_text(json.dumps(known, indent=2) + "\n", encoding="utf-8", newline="\n")
         print(f"{folder.name}: {cases[folder.name].name}, {attempts} draws", flush=True)
 
 
@@ -165,7 +165,7 @@ def truth(case: Case, options: Options) -> Surface:
         bones="follow",
         record=False,
     )
-    with open(os.devnull, "w", encoding="utf-8") as nowhere:
+    with open(os.devnull, "w", encoding="utf-8", newline="\n") as nowhere:
         result = simulate(case, options=run, progress=Progress(nowhere), warnings=())
     if not result.converged:
         raise InputError(f"truth: ended {result.status.name}")

@@ -266,7 +266,7 @@ def main(options: Options) -> int:
                 print(f"{done} of {len(seeds)}", file=sys.stderr, flush=True)
     if options.json:
         rows = [asdict(d) | {"claims": [asdict(c) for c in claims]} for d, claims in results]
-        options.json.write_text(json.dumps(rows))
+        options.json.write_text(json.dumps(rows), encoding="utf-8", newline="\n")
     print(f"seeds {seeds[0]} to {seeds[-1]}")
     print(dict(Counter(claims[-1].status for _, claims in results)))
     print(table(results))

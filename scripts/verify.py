@@ -83,7 +83,7 @@ def main(options: Options) -> None:
     for section in (equilibria, intervals, landmarks, import_, plans, ribs):
         print(section.__name__, file=sys.stderr, flush=True)
         page += ["\n".join(section(trunk, options))]
-        options.out.write_text("\n\n".join(page) + "\n", encoding="utf-8")
+        options.out.write_text("\n\n".join(page) + "\n", encoding="utf-8", newline="\n")
 
 
 def equilibria(trunk: Trunk, options: Options) -> Iterator[str]:

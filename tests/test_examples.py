@@ -56,7 +56,7 @@ def test_example_of_every_public_name(
 def test_notebook_of_the_documentation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its cells run in order; what the last line of a cell shows is asked for as a notebook does."""
     monkeypatch.chdir(tmp_path)
-    notebook = json.loads((Path(__file__).parents[1] / "docs/first_simulation.ipynb").read_text())
+    notebook = json.loads((Path(__file__).parents[1] / "docs/first_simulation.ipynb").read_text(encoding="utf-8"))
     names: dict[str, Any] = {}
     for cell in notebook["cells"]:
         if cell["cell_type"] == "code":

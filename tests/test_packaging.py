@@ -18,7 +18,7 @@ HEAVY = ["rerun", "tetgen", "trimesh", "warp", "meshio", "scipy", "tyro", "rich"
 
 
 def python(code):
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8")
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
 
@@ -44,13 +44,15 @@ print([line for line in libraries.splitlines() if "libcuda.so" in line])
 
 def test_bare_kernels_cannot_be_imported_outside_the_checkout(tmp_path):
     """A package called kernels exists on the package index; ruff refuses the bare name."""
-    done = subprocess.run([sys.executable, "-c", "import kernels"], cwd=tmp_path, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", "import kernels"], cwd=tmp_path, capture_output=True, encoding="utf-8"
+    )
     assert "ModuleNotFoundError" in done.stderr
 
 
 def test_every_public_name_is_there():
     """The stub is what `__init__` imports from and what type checkers read."""
-    tree = ast.parse((ROOT / "__init__.pyi").read_text())
+    tree = ast.parse((ROOT / "__init__.pyi").read_text(encoding="utf-8"))
     listed = next(ast.literal_eval(node.value) for node in tree.body if isinstance(node, ast.Assign))
     assert sorted(listed) == listed == sorted(warp_trunk.__all__)
     for name in listed:
@@ -68,9 +70,9 @@ def test_no_public_name_is_also_a_module():
 
 def test_every_other_file_is_listed_for_the_wheel():
     """setuptools leaves out what is neither Python nor listed."""
-    listed = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["tool"]["setuptools"][
-        "package-data"
-    ]
+    listed = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["tool"][
+        "setuptools"
+    ]["package-data"]
     no_source = {".py", ".pyc"}
     others = {path for path in ROOT.rglob("*") if path.is_file() and path.suffix not in no_source}
     assert others == {ROOT.parent / room.replace(".", "/") / name for room in listed for name in listed[room]}

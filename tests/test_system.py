@@ -44,8 +44,8 @@ def test_usable_cores(platform: str, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_quota_of_a_container(groups: str, files: dict[str, str], cores: float, tmp_path: Path) -> None:
     for name, text in files.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_text(text + "\n")
-    (tmp_path / "cgroup").write_text(groups + "\n")
+        (tmp_path / name).write_text(text + "\n", encoding="utf-8")
+    (tmp_path / "cgroup").write_text(groups + "\n", encoding="utf-8")
     assert quota(tmp_path / "cgroup", tmp_path) == cores
 
 
@@ -54,9 +54,9 @@ def test_memory_of_a_container(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert 1e8 < whole < 1e14
     limits = tmp_path / "memory.max", tmp_path / "missing"
     monkeypatch.setattr(system, "_MEMORY_LIMITS", limits)
-    limits[0].write_text("max\n")
+    limits[0].write_text("max\n", encoding="utf-8")
     assert system.usable_memory() >= whole
-    limits[0].write_text("50000000\n")
+    limits[0].write_text("50000000\n", encoding="utf-8")
     assert system.usable_memory() == 5e7
 
 
@@ -68,7 +68,7 @@ held = b"1" * int(before * 1e6 + 1e8)  # the peak of a new process is that of it
 del held
 print(peak_memory() - before)
 """
-    grown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    grown = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True).stdout
     assert 80.0 < float(grown) < 150.0
 
 
@@ -92,7 +92,7 @@ def test_a_real_child_is_ended_by_a_signal() -> None:
 
 def test_a_program_apart_has_another_session() -> None:
     command = [sys.executable, "-c", "import os; print(os.getsid(0) if hasattr(os, 'getsid') else '')"]
-    session = subprocess.run(command, capture_output=True, text=True, check=True, **system.apart()).stdout
+    session = subprocess.run(command, capture_output=True, encoding="utf-8", check=True, **system.apart()).stdout
     assert not hasattr(os, "getsid") or int(session) != os.getsid(0)
 
 

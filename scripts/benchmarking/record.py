@@ -114,7 +114,11 @@ def write_records(path: str | Path, records: Iterable[Record]) -> None:
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     making = path.with_suffix(".making")
-    making.write_text(json.dumps([asdict(record) for record in records], indent=1, allow_nan=False) + "\n")
+    making.write_text(
+        json.dumps([asdict(record) for record in records], indent=1, allow_nan=False) + "\n",
+        encoding="utf-8",
+        newline="\n",
+    )
     os.replace(making, path)
 
 

@@ -71,7 +71,7 @@ def test_a_table_of_a_spine_without_a_pedicle_is_refused(back, refused, tmp_path
     rows = [
         f"T{n}_{part},0,{y},{400 - 25 * n}" for n in range(1, 13) for part, y in (("body", 0), ("left_pedicle", 9))
     ]
-    (tmp_path / "spine.csv").write_text("name,x,y,z\n" + "\n".join(rows) + "\n")
+    (tmp_path / "spine.csv").write_text("name,x,y,z\n" + "\n".join(rows) + "\n", encoding="utf-8")
     refused([*written(tmp_path, *back), "--out", str(tmp_path / "case")], "8 or more levels in a row down to L5")
 
 

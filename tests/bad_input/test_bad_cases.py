@@ -84,7 +84,7 @@ CASES = [
     ("thickness elsewhere", text("case.toml", lambda t: t + '\n[layers]\nskin_thickness = "../a.txt"\n'),
      "lies outside the case folder", "copy it"),
     ("no landmarks", lambda f: (f / "landmarks_before.csv").unlink(), "before.csv: there is no such file"),
-    ("landmarks twice", lambda f: (f / "landmarks_after.fcsv").write_text(""), "landmarks_after.fcsv: there is"),
+    ("landmarks twice", lambda f: (f / "landmarks_after.fcsv").write_bytes(b""), "landmarks_after.fcsv: there is"),
     ("other columns", text("landmarks_before.csv", lambda t: t.replace("name", "who")), "must name the columns"),
     ("a skin in capitals", lambda f: (f / "skin.ply").rename(f / "Skin.ply"), "(did you mean 'Skin.ply'?)"),
     ("landmarks by another name", lambda f: (f / "landmarks_before.csv").rename(f / "landmarks.csv"),
@@ -191,7 +191,7 @@ def test_what_stops_tetgen_is_named_and_written(tmp_path):
 
 
 def test_a_folder_that_cannot_be_written_leaves_the_places(tmp_path):
-    (tmp_path / "file").write_text("")
+    (tmp_path / "file").write_text("", encoding="utf-8")
     tetrahedron = Surface(np.eye(4)[:, :3], np.array([[0, 2, 1], [0, 1, 3]], dtype=np.int32))
     with pytest.raises(CrossingError, match="here"), crossings_written(tmp_path / "file"):
         raise CrossingError("here", tetrahedron, np.array([[0, 1]]))
@@ -233,20 +233,20 @@ def part_folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("part") / "case"
     write_case(folder, part_case(front=Motion(translation=(0.0, -1.0, 0.0))))
     for name, said in FILES.items():
-        (folder / name).write_text(said)
+        (folder / name).write_text(said, encoding="utf-8")
     return folder
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row[0])
 def test_broken_motions_are_refused_in_one_line(part_folder, refused, tmp_path, row):
     _, text, *fragments = row
-    (part_folder / "motions.toml").write_text(text)
+    (part_folder / "motions.toml").write_text(text, encoding="utf-8")
     refused(["simulate", str(part_folder), "--out", str(tmp_path / "out")], *fragments)
     assert not (tmp_path / "out").exists()
 
 
 def test_options_that_need_landmarks_are_refused(part_folder, refused, tmp_path):
-    (part_folder / "motions.toml").write_text(FRONT + "translation = [0, -1, 0]\n")
+    (part_folder / "motions.toml").write_text(FRONT + "translation = [0, -1, 0]\n", encoding="utf-8")
     for option in (["--bands"], ["--bones", "spline"], ["--align-pelvis"]):
         refused(["simulate", str(part_folder), "--out", str(tmp_path / "out"), *option], option[0], "leave it out")
 

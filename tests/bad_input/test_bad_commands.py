@@ -29,16 +29,16 @@ def summary(change):
     """Changes the summary of a result."""
 
     def spoil(folder: Path) -> None:
-        said = json.loads((folder / "summary.json").read_text())
+        said = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
         change(said)
-        (folder / "summary.json").write_text(json.dumps(said))
+        (folder / "summary.json").write_text(json.dumps(said), encoding="utf-8")
 
     return spoil
 
 
 RESULTS = [
     ("report", "no summary", lambda f: (f / "summary.json").unlink(), "summary.json: there is no such file"),
-    ("report", "a deep summary", lambda f: (f / "summary.json").write_text('{"parameters": {"a": ' + "[" * 10**5),
+    ("report", "a deep summary", lambda f: (f / "summary.json").write_bytes(b'{"parameters": ' + b"[" * 10**5),
      "was changed by hand"),
     ("report", "of another version", summary(lambda s: s.pop("tissues")), "another version",
      "missing required field `tissues`"),
@@ -48,7 +48,7 @@ RESULTS = [
     ("report", "no skin", lambda f: (f / "predicted_skin.ply").unlink(), "predicted_skin.ply: is missing"),
     ("report", "skin cut off", lambda f: (f / "predicted_skin.ply").write_bytes(ply(10**9, 1)),
      "predicted_skin.ply: cannot be read"),
-    ("report", "other landmarks", lambda f: (f / "landmarks_after.csv").write_text("name,x,y,z\na,1,2,3\n"),
+    ("report", "other landmarks", lambda f: (f / "landmarks_after.csv").write_bytes(b"name,x,y,z\na,1,2,3\n"),
      "its names must be"),
     ("export", "no mesh", lambda f: (f / "trunk.vtu").unlink(), "trunk.vtu: there is no such file"),
     ("export", "mesh cut off", content("trunk.vtu", lambda b: b[:3000]), "trunk.vtu: cannot be read as a mesh"),
@@ -77,8 +77,8 @@ INCLUDES = [
 @pytest.mark.parametrize("row", INCLUDES, ids=lambda row: row[0])
 def test_a_mesh_that_opens_others_or_fills_the_memory_is_refused(good_case, refused, tmp_path, row):
     name, text, fragment = row
-    (tmp_path / name).write_text(text)
-    (tmp_path / "secret.inp").write_text("*NODE\n1, 0, 0, 0\n")
+    (tmp_path / name).write_text(text, encoding="utf-8")
+    (tmp_path / "secret.inp").write_text("*NODE\n1, 0, 0, 0\n", encoding="utf-8")
     out = ["--out", str(tmp_path / "out")]
     refused(["simulate", str(good_case), "--from-mesh", str(tmp_path / name), *out], name, fragment)
 
@@ -92,7 +92,7 @@ def completed(flags: list[str], needed: list[str]) -> list[str]:
 
 
 def test_a_result_goes_only_where_it_can_be_written(good_case, refused, tmp_path):
-    (tmp_path / "file").write_text("in the way")
+    (tmp_path / "file").write_text("in the way", encoding="utf-8")
     refused(["simulate", str(good_case), "--out", str(tmp_path / "file")], "a result cannot be written here")
     refused(["simulate", str(good_case), "--out", str(tmp_path / "file" / "sub")], "cannot be written here")
     if os.geteuid():  # for root every folder is its own
@@ -192,6 +192,6 @@ def test_broken_films_are_refused(refused, tmp_path, row):
     flags = write_films(tmp_path, biplanar(small_case().landmarks_before))
     (tmp_path / name).unlink()
     if text is not None:
-        (tmp_path / name).write_text(text)
+        (tmp_path / name).write_text(text, encoding="utf-8")
     refused(["triangulate", *flags, "--out", str(tmp_path / "out.csv")], *fragments)
     assert not (tmp_path / "out.csv").exists()

@@ -86,7 +86,7 @@ def vtk_file(path: Path) -> None:
 
 
 def text_file(text: str) -> Callable[[Path], object]:
-    return lambda path: path.write_text(text)
+    return lambda path: path.write_text(text, encoding="utf-8")
 
 
 def landmarks_file(path: Path) -> None:

@@ -23,7 +23,7 @@ def as_on_a_mac(folder: Path) -> None:
         (path / ".DS_Store").write_bytes(b"\x00")
         (path / "._skin.ply").write_bytes(b"\x00")
     (folder / "bones" / "notes.ply").mkdir()
-    (folder / "bones" / "notes.txt").write_text("not a bone")
+    (folder / "bones" / "notes.txt").write_text("not a bone", encoding="utf-8")
 
 
 def in_stl(folder: Path) -> None:

@@ -64,7 +64,7 @@ def write(folder, units, code):
 )
 def test_landmarks_follows_units_and_axes_of_the_case(units, code, tmp_path):
     write(tmp_path, units, code)
-    (tmp_path / "case.toml").write_text(f'units = "{units}"\naxes = "{code}"\n')
+    (tmp_path / "case.toml").write_text(f'units = "{units}"\naxes = "{code}"\n', encoding="utf-8")
     out = tmp_path / "landmarks_before.csv"
     assert main(["landmarks", str(tmp_path), "--out", str(out)]) in (0, 3)  # edges of blocks are no endplates
     back = read_landmarks(out, Axes(code), units)

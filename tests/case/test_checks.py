@@ -147,8 +147,8 @@ def test_anatomy_in_other_axes_is_offered_those_and_no_other_names(signs, axes, 
     write_case(tmp_path, mapped(whole, np.diag(signs)))
     with refuses(f'write axes = "{axes}"', more):
         read_case(tmp_path)
-    header = (tmp_path / "case.toml").read_text().replace('"LPS"', f'"{axes}"')
-    (tmp_path / "case.toml").write_text(header)
+    header = (tmp_path / "case.toml").read_text(encoding="utf-8").replace('"LPS"', f'"{axes}"')
+    (tmp_path / "case.toml").write_text(header, encoding="utf-8")
     np.testing.assert_array_equal(read_case(tmp_path).landmarks_before.points, whole.landmarks_before.points)
 
 

@@ -66,7 +66,7 @@ def test_axes_and_units_are_converted_at_the_border(tmp_path, code):
     """Files written in other axes, in metres, come back as the same case."""
     case = small_case()
     write_case(tmp_path, mapped(case, Axes(code).matrix.T / 1000.0))
-    (tmp_path / "case.toml").write_text(f'axes = "{code}"\nunits = "m"\n')
+    (tmp_path / "case.toml").write_text(f'axes = "{code}"\nunits = "m"\n', encoding="utf-8")
     back = read_case(tmp_path)
     np.testing.assert_allclose(back.skin.vertices, case.skin.vertices, atol=1e-9)
     np.testing.assert_allclose(back.bones["T7"].vertices, case.bones["T7"].vertices, atol=1e-9)

@@ -139,8 +139,8 @@ def test_tissue_comes_back(tmp_path):
     path = tmp_path / "tissue.toml"
     write_tissue_file(path, GIVEN, ["calibrated"])
     assert read_tissue_file(path) == GIVEN
-    assert path.read_text().startswith("# calibrated\n")
-    path.write_text("[ribs]\nrecovery = 0.55\ndirect = 0.2\n")  # former names
+    assert path.read_text(encoding="utf-8").startswith("# calibrated\n")
+    path.write_text("[ribs]\nrecovery = 0.55\ndirect = 0.2\n", encoding="utf-8")  # former names
     assert read_tissue_file(path) == {"ribs.reversible_part": 0.55, "ribs.derotation_transfer": 0.2}
 
 
@@ -155,7 +155,7 @@ def test_tissue_comes_back(tmp_path):
 )
 def test_bad_tissue_is_refused(tmp_path, text, rule):
     path = tmp_path / "tissue.toml"
-    path.write_text(text)
+    path.write_text(text, encoding="utf-8")
     with refuses(rule, begins=path):
         read_tissue_file(path)
 
@@ -171,21 +171,21 @@ def test_source_is_named_by_the_error_that_is_stated():
 )
 def test_error_is_written_once_and_nothing_else_changes(tmp_path, text):
     path = tmp_path / "case.toml"
-    path.write_text(text)
+    path.write_text(text, encoding="utf-8")
     assert "0.5 ± 0.5 mm" in state_bone_landmarks(path)
-    once = path.read_text()
+    once = path.read_text(encoding="utf-8")
     table, before = tomllib.loads(once), tomllib.loads(text)
     stated = table.pop("uncertainty")
     assert (stated.pop("landmark_error"), stated.pop("landmark_error_sd")) == ON_BONES
     assert stated == before.pop("uncertainty", {})
     assert table == before
     assert "is kept" in state_bone_landmarks(path)
-    assert path.read_text() == once
+    assert path.read_text(encoding="utf-8") == once
 
 
 @pytest.mark.parametrize("text", ["[uncertainty]\nlandmark_error = 2.1\n", "[invented]\nshare = 0.5\n"])
 def test_a_stated_error_and_fitted_bones_are_left(tmp_path, text):
     path = tmp_path / "case.toml"
-    path.write_text(text)
+    path.write_text(text, encoding="utf-8")
     assert "is kept" in state_bone_landmarks(path)
-    assert path.read_text() == text
+    assert path.read_text(encoding="utf-8") == text

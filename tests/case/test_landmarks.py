@@ -33,7 +33,11 @@ def test_round_trip_keeps_every_bit(tmp_path):
     back = read_landmarks(tmp_path / "a.csv")
     assert back.names == landmarks.names
     np.testing.assert_array_equal(back.points, landmarks.points)
-    assert (tmp_path / "a.csv").read_text().startswith("name,x,y,z\nL1_left_pedicle_superior,0.30000000000000004,")
+    assert (
+        (tmp_path / "a.csv")
+        .read_text(encoding="utf-8")
+        .startswith("name,x,y,z\nL1_left_pedicle_superior,0.30000000000000004,")
+    )
 
 
 def test_reads_what_spreadsheets_write(tmp_path):
@@ -51,7 +55,7 @@ def markups(points, system="LPS", **more):
 @pytest.mark.parametrize(("system", "sign"), [("LPS", 1.0), ("RAS", -1.0), (0, -1.0), (1, 1.0)])
 def test_slicer_markups_come_in_the_axes_they_name(tmp_path, system, sign):
     content = markups([("T7_a", [1.5, -2.0, 3.0]), ("T8_a", [4.0, 5.0, 6.0])], system)
-    (tmp_path / "a.mrk.json").write_text(json.dumps(content))
+    (tmp_path / "a.mrk.json").write_text(json.dumps(content), encoding="utf-8")
     read = read_landmarks(tmp_path / "a.mrk.json", Axes("SAR"), "m")  # of a table only
     assert read.names == ("T7_a", "T8_a")
     np.testing.assert_array_equal(read.points, [[sign * 1.5, sign * -2.0, 3.0], [sign * 4.0, sign * 5.0, 6.0]])
@@ -62,7 +66,8 @@ def test_older_slicer_files_come_in_the_axes_they_name(tmp_path, system, sign):
     (tmp_path / "a.fcsv").write_text(
         f"# Markups fiducial file version = 4.11\n# CoordinateSystem = {system}\n"
         "# columns = id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label,desc,associatedNodeID\n"
-        'vtkMRMLMarkupsFiducialNode_0,1.5,-2,3,0,0,0,1,1,1,0,T7_a,"left, upper",\n'
+        'vtkMRMLMarkupsFiducialNode_0,1.5,-2,3,0,0,0,1,1,1,0,T7_a,"left, upper",\n',
+        encoding="utf-8",
     )
     read = read_landmarks(tmp_path / "a.fcsv")
     assert read.names == ("T7_a",)
@@ -70,7 +75,7 @@ def test_older_slicer_files_come_in_the_axes_they_name(tmp_path, system, sign):
 
 
 def test_a_table_may_have_other_columns_in_another_order(tmp_path):
-    (tmp_path / "a.csv").write_text("up, comment, label, left, back\n3, good, T7_a, 0.1, 0.2\n")
+    (tmp_path / "a.csv").write_text("up, comment, label, left, back\n3, good, T7_a, 0.1, 0.2\n", encoding="utf-8")
     read = read_landmarks(tmp_path / "a.csv", units="cm", columns=("label", "left", "back", "up"))
     assert read.names == ("T7_a",)
     np.testing.assert_allclose(read.points, [[1.0, 2.0, 30.0]], rtol=1e-15)
@@ -103,16 +108,16 @@ def points(*rows, system="LPS", **more):
     ],
 )
 def test_bad_files_are_refused_in_one_line(tmp_path, name, text, rule):
-    (tmp_path / name).write_text(text)
+    (tmp_path / name).write_text(text, encoding="utf-8")
     with refuses(name, rule):
         read_landmarks(tmp_path / name)
 
 
 def test_landmarks_in_two_files_of_a_folder_are_refused(tmp_path):
     assert landmark_file(tmp_path, "landmarks_before") == tmp_path / "landmarks_before.csv"
-    (tmp_path / "landmarks_before.fcsv").write_text("")
+    (tmp_path / "landmarks_before.fcsv").write_text("", encoding="utf-8")
     assert landmark_file(tmp_path, "landmarks_before") == tmp_path / "landmarks_before.fcsv"
-    (tmp_path / "landmarks_before.csv").write_text("")
+    (tmp_path / "landmarks_before.csv").write_text("", encoding="utf-8")
     with pytest.raises(InputError, match="give 'landmarks_before' in one file"):
         landmark_file(tmp_path, "landmarks_before")
 
@@ -128,7 +133,7 @@ def test_slicer_markups_in_every_form_of_unit(units, size, tmp_path):
     """A word, one for each axis, or a code with its scheme and meaning; a point that was not placed stays out."""
     content = markups([("T7_a", [1.0, -2.0, 3.0]), ("T8_a", [0.0, 0.0, 0.0])], coordinateUnits=units)
     content["markups"][0]["controlPoints"][1]["positionStatus"] = "undefined"
-    (tmp_path / "a.mrk.json").write_text(json.dumps(content))
+    (tmp_path / "a.mrk.json").write_text(json.dumps(content), encoding="utf-8")
     read = read_landmarks(tmp_path / "a.mrk.json")
     assert read.names == ("T7_a",)
     np.testing.assert_allclose(read.points, [[size, -2.0 * size, 3.0 * size]], rtol=1e-15)

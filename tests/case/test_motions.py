@@ -21,7 +21,7 @@ TURN = Turn(degrees=90.0, axis=(0.0, 0.0, 2.0), point=(1.0, 0.0, 0.0))
 
 def written(tmp_path, text):
     path = tmp_path / "motions.toml"
-    path.write_text(text)
+    path.write_text(text, encoding="utf-8")
     return path
 
 
@@ -55,10 +55,11 @@ def test_axes_of_the_case_are_those_of_its_motions(tmp_path, code):
 
 
 def test_a_matrix_is_in_the_axes_of_the_case_and_an_itk_transform_in_lps_and_the_other_way(tmp_path):
-    (tmp_path / "a.txt").write_text("1 0 0 4\n0 1 0 0\n0 0 1 0\n0 0 0 1\n")
+    (tmp_path / "a.txt").write_text("1 0 0 4\n0 1 0 0\n0 0 1 0\n0 0 0 1\n", encoding="utf-8")
     (tmp_path / "b.tfm").write_text(
         "#Insight Transform File V1.0\n#Transform 0\nTransform: AffineTransform_double_3_3\n"
-        "Parameters: 0 -1 0 1 0 0 0 0 1 0 0 -7\nFixedParameters: 10 0 0\n"
+        "Parameters: 0 -1 0 1 0 0 0 0 1 0 0 -7\nFixedParameters: 10 0 0\n",
+        encoding="utf-8",
     )
     text = '[a]\ntransform = "a.txt"\n[b]\ntransform = "b.tfm"\n'
     found = rigid_motions(read_motions(written(tmp_path, text), Axes("RAS")))

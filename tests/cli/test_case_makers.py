@@ -101,7 +101,7 @@ def test_a_case_that_can_be_read_with_its_picture_and_its_confidence(files, tmp_
     assert (case.name, case.posture) == ("case", "supine")
     assert case.landmarks_before.vertebrae() == LEVELS
     assert case.landmarks_after is None
-    rows = (out / "landmarks_confidence.csv").read_text().splitlines()
+    rows = (out / "landmarks_confidence.csv").read_text(encoding="utf-8").splitlines()
     assert rows[0] == "vertebra,left_right_differ_mm,off_curve_deg,body_height_mm"
     assert [row.split(",")[0] for row in rows[1:]] == list(LEVELS)
     assert 10.0 < float(rows[1].split(",")[3]) < 20.0  # blocks of 16 mm
@@ -129,7 +129,7 @@ def test_what_is_missing_is_named_and_the_rest_is_written(files, tmp_path, capsy
 
 
 def test_an_imported_case_is_not_written_onto_another(files, tmp_path, refused):
-    (tmp_path / "case.toml").write_text("")
+    (tmp_path / "case.toml").write_text("", encoding="utf-8")
     refused(["import", files[0], "--out", tmp_path], "is a case folder")
 
 

@@ -76,7 +76,7 @@ def test_help_is_of_the_command_line(name: str, capsys: pytest.CaptureFixture[st
 
 
 def test_help_loads_nothing_heavy() -> None:
-    done = subprocess.run([sys.executable, "-c", LOADED], capture_output=True, text=True, check=True)
+    done = subprocess.run([sys.executable, "-c", LOADED], capture_output=True, encoding="utf-8", check=True)
     assert done.stderr.splitlines()[-1] == "[]"
 
 
@@ -86,7 +86,7 @@ def test_products_of_matrices_have_one_thread_unless_more_are_asked_for(asked: d
         pytest.skip("needs two cores")
     environment = {name: value for name, value in os.environ.items() if "NUM_THREADS" not in name} | asked
     command = [sys.executable, "-c", THREADS]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    done = subprocess.run(command, env=environment, capture_output=True, encoding="utf-8", check=True)
     assert done.stderr.splitlines()[-1] == str(threads)
 
 
@@ -162,7 +162,7 @@ def test_flags_reach_the_run_and_the_rest_is_the_cases(tmp_path: Path, monkeypat
         return main(["simulate", str(tmp_path / "case"), *usual.split(), *flags.split()])
 
     assert simulated("--precision=float64 --max-steps=400 --tolerance=50 --density=900 --gravity=9.81") == OK
-    parameters = json.loads((tmp_path / "summary.json").read_text())["parameters"]
+    parameters = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))["parameters"]
     assert parameters | {
         "tets": 8000, "increments": 2, "device": "cpu", "precision": "float64", "threads": 1,
         "max_steps": 400, "tolerance": 50.0, "density": 900.0, "record": False,
@@ -179,7 +179,7 @@ def test_make_case_writes_a_case_of_the_curve_asked_for(
     (tmp_path / "bones").mkdir()
     for name, surface in bones.items():
         write_surface(tmp_path / "bones" / f"{name}.ply", surface)
-    (tmp_path / "bones" / "SOURCE.md").write_text("not a bone")
+    (tmp_path / "bones" / "SOURCE.md").write_text("not a bone", encoding="utf-8")
     write_surface(tmp_path / "skin.ply", skin)
     flags = ["--curve=double_major", "--cobb=45", "--correction=0.6", "--direction=left"]
     files = ["--skin", str(tmp_path / "skin.ply"), "--bones", str(tmp_path / "bones")]

@@ -39,7 +39,7 @@ def run(place, *arguments):
 
 
 def record_of(stem):
-    return json.loads(stem.with_name(stem.name + ".json").read_text())
+    return json.loads(stem.with_name(stem.name + ".json").read_text(encoding="utf-8"))
 
 
 def table_of(stem):
@@ -65,7 +65,9 @@ def test_surface_in_the_case_folder_has_its_axes_and_units(place, tmp_path):
 
     write_case(tmp_path / "case", mapped(replace(case, actual_skin=after), np.diag([-0.1, -0.1, 0.1])))
     header = tmp_path / "case" / "case.toml"
-    header.write_text(header.read_text().replace('"mm"', '"cm"').replace('"LPS"', '"RAS"'))
+    header.write_text(
+        header.read_text(encoding="utf-8").replace('"mm"', '"cm"').replace('"LPS"', '"RAS"'), encoding="utf-8"
+    )
     theirs_too = (tmp_path, case, after)
     assert run(theirs_too, tmp_path / "case" / "actual_skin.ply", "--out", tmp_path / "inside") == OK
     assert run(theirs_too, folder / "after.ply", "--out", tmp_path / "beside") == OK

@@ -39,7 +39,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A case without a plan, and plan.toml beside it."""
     folder = tmp_path_factory.mktemp("plan")
     write_case(folder / "case", dataclasses.replace(whole_phantom(), landmarks_after=None))
-    (folder / "plan.toml").write_text(TEXT)
+    (folder / "plan.toml").write_text(TEXT, encoding="utf-8")
     return folder
 
 
@@ -52,7 +52,7 @@ def test_planned_folder_is_a_case_that_holds_its_plan(folder: Path, capsys: pyte
     said = capsys.readouterr().out
     planned = read_case(folder / "planned")
     assert planned.landmarks_after is not None
-    record = json.loads((folder / "planned" / "plan.json").read_text())
+    record = json.loads((folder / "planned" / "plan.json").read_text(encoding="utf-8"))
     assert [vertebra["level"] for vertebra in record["vertebrae"]] == list(planned.landmarks_before.vertebrae())
     t8 = next(vertebra for vertebra in record["vertebrae"] if vertebra["level"] == "T8")
     centres = [
@@ -121,7 +121,7 @@ def test_a_case_without_hip_bones_is_planned_simulated_and_measured(tmp_path: Pa
         np.testing.assert_array_equal(planned.planned_landmarks.point(name), planned.landmarks_before.point(name))
     assert main(["simulate", str(tmp_path / "planned"), "--out", str(tmp_path / "result"), *QUICK.split()]) == 0
     assert main(["measure", str(tmp_path / "result"), "--out", str(tmp_path / "measures")]) == 0
-    assert json.loads((tmp_path / "measures.json").read_text())
+    assert json.loads((tmp_path / "measures.json").read_text(encoding="utf-8"))
 
 
 @pytest.fixture(scope="module")

@@ -109,7 +109,7 @@ def test_a_method_that_is_worse_than_doing_nothing_says_so_first(tmp_path: Path)
     text = worse_parts(summarize_cohort(rows))[-1]
     assert "is 4.00 degrees, not 1.00; the difference is 3.00 (95 % interval 2.00 to 4.00)" in text
     write_cohort(tmp_path, rows)
-    page = (tmp_path / "cohort.html").read_text()
+    page = (tmp_path / "cohort.html").read_text(encoding="utf-8")
     assert page.index("predicted worse than by saying that nothing changes") < page.index("<table")
 
 
@@ -129,7 +129,9 @@ def test_cases_without_a_spine_are_judged_by_their_skins(tmp_path: Path):
         "error": 2.0,
         "nothing_changes": 7.0,
     }
-    assert "actual skin 2.00 ± 1.41 mm over 2 patients; 7.00 mm if" in (tmp_path / "cohort.html").read_text()
+    assert "actual skin 2.00 ± 1.41 mm over 2 patients; 7.00 mm if" in (tmp_path / "cohort.html").read_text(
+        encoding="utf-8"
+    )
 
 
 def test_each_patient_counts_once():

@@ -42,7 +42,7 @@ def killed_at_work(out: Path) -> Iterator[list[int]]:
         until = time.monotonic() + PATIENCE
         while time.monotonic() < until and not over.wait(0.02):
             for lock in out.glob(f"*/{LOCK}"):
-                text = lock.read_text().strip() if lock.exists() else ""
+                text = lock.read_text(encoding="utf-8").strip() if lock.exists() else ""
                 if text and int(text) != os.getpid():
                     os.kill(int(text), signal.SIGKILL)
                     killed.append(int(text))
@@ -83,7 +83,7 @@ def alone(cases: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def levels(out: Path) -> list[Any]:
-    return [json.loads((out / name / JUDGED).read_text())["row"]["measures"] for name in "abc"]
+    return [json.loads((out / name / JUDGED).read_text(encoding="utf-8"))["row"]["measures"] for name in "abc"]
 
 
 @pytest.mark.slow
@@ -107,7 +107,9 @@ def test_a_killed_worker_costs_a_retry_and_changes_no_bit(
     assert "landmarks_before.csv: there is no such file" in done[3].row.reason
     assert contents(tmp_path, "abc") == contents(alone, "abc")
     assert levels(tmp_path) == levels(alone)
-    begun = sum((tmp_path / name / LOG).read_text().count("meshing the soft tissue") for name in "abc")
+    begun = sum(
+        (tmp_path / name / LOG).read_text(encoding="utf-8").count("meshing the soft tissue") for name in "abc"
+    )
     assert begun <= 4  # one of them twice
 
 

@@ -61,7 +61,7 @@ pytestmark = pytest.mark.slow
 
 def blocks(page: str) -> str:
     """All commands of a page as one script."""
-    text = (ROOT / "docs" / page).read_text()
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
     return "\n".join(re.findall(r"^```sh\n(.*?)^```$", text, flags=re.DOTALL | re.MULTILINE))
 
 
@@ -77,7 +77,7 @@ def run(page: str, folder: Path, small: str = SMALL) -> None:
         "served": SERVED.format(python=sys.executable),
     }
     for name, script in scripts.items():
-        (binaries / name).write_text(script)
+        (binaries / name).write_text(script, encoding="utf-8")
         (binaries / name).chmod(0o755)
     commands = blocks(page)
     assert commands, f"{page} has no block of commands"
@@ -87,7 +87,13 @@ def run(page: str, folder: Path, small: str = SMALL) -> None:
         "PYTHONUNBUFFERED": "1",
     }
     ended = subprocess.run(
-        ["sh", "-ex"], input=commands, cwd=folder, env=environment, text=True, capture_output=True, check=False
+        ["sh", "-ex"],
+        input=commands,
+        cwd=folder,
+        env=environment,
+        encoding="utf-8",
+        capture_output=True,
+        check=False,
     )
     assert ended.returncode == 0, f"{ended.stdout[-3000:]}\n{ended.stderr[-3000:]}"
 
@@ -131,7 +137,9 @@ def test_a_result_is_looked_at(page: str, tmp_path: Path) -> None:
 def test_the_papers_are_run_by_one_command_and_by_one_script(tmp_path: Path) -> None:
     write_patient(tmp_path)
     run("papers.md", tmp_path)
-    (script,) = re.findall(r"^```python\n(.*?)^```$", (ROOT / "docs" / "papers.md").read_text(), re.DOTALL | re.M)
+    (script,) = re.findall(
+        r"^```python\n(.*?)^```$", (ROOT / "docs" / "papers.md").read_text(encoding="utf-8"), re.DOTALL | re.M
+    )
     small = script.replace("tets=225_000", "tets=26_000, bone_voxel=8.0, bone_tolerance=2.0")
     subprocess.run([sys.executable, "-c", small], cwd=tmp_path, check=True)
     said = [read_summary(tmp_path / "results" / name).springs for name in ("anna_papers", "anna_papers_python")]
@@ -199,7 +207,7 @@ def test_a_case_is_made_of_a_scan_of_the_back(tmp_path: Path) -> None:
     np.savetxt(tmp_path / "spine.csv", spine.line, delimiter=",", header="x,y,z", comments="")
     write_landmarks(tmp_path / "markers.csv", markers)
     run("from_a_back_scan.md", tmp_path, DEMO)
-    page = (tmp_path / "results" / "planned" / "report.html").read_text()
+    page = (tmp_path / "results" / "planned" / "report.html").read_text(encoding="utf-8")
     assert "Fitted from a scan of the back" in page
 
 

@@ -19,7 +19,7 @@ OUTSIDE = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.m
 def rows(page: str) -> dict[str, list[str]]:
     """Rows of the tables of a page, cells without Markdown, by each name in backticks in their first cell."""
     found = {}
-    for line in (ROOT / "docs" / page).read_text().splitlines():
+    for line in (ROOT / "docs" / page).read_text(encoding="utf-8").splitlines():
         cells = [cell.strip() for cell in line.strip("|").split("|")]
         for name in re.findall(r"`(\w+)`", cells[0]) if line.startswith("|") else []:
             found[name] = cells
@@ -47,13 +47,13 @@ def test_no_page_names_a_folder_of_a_machine(page: Path) -> None:
 
 
 def test_readme_names_every_command() -> None:
-    table = (ROOT / "README.md").read_text().split("| command |")[1]
+    table = (ROOT / "README.md").read_text(encoding="utf-8").split("| command |")[1]
     assert [name for name in COMMANDS if f"`{name}`" not in table] == []
 
 
 def test_records_of_the_data_flow_are_in_the_program_and_named_once() -> None:
-    flow = (ROOT / "CONTRIBUTING.md").read_text().split("```text")[1].split("```")[0]
-    source = "\n".join(path.read_text() for path in (ROOT / "warp_trunk").rglob("*.py"))
+    flow = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").split("```text")[1].split("```")[0]
+    source = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "warp_trunk").rglob("*.py"))
     names = set(re.findall(r"\b[A-Z]\w+", flow)) - {"Dask"}
     assert "PreparedPatient" in names
     assert [name for name in names if not re.search(rf"^(class {name}\b|{name} = )", source, re.MULTILINE)] == []

@@ -39,7 +39,7 @@ def test_engine_and_kernels_import_nothing_else() -> None:
     for package, folder in (("warp_trunk.engine", ENGINE), ("warp_trunk.kernels", KERNELS)):
         for path in folder.rglob("*.py"):
             name = ".".join([package, *path.relative_to(folder).with_suffix("").parts])
-            assert foreign(name, path.read_text()) == [], name
+            assert foreign(name, path.read_text(encoding="utf-8")) == [], name
 
 
 @pytest.mark.parametrize(

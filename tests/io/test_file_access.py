@@ -97,7 +97,7 @@ PLY = f"ply\nformat ascii 1.0\nelement vertex 3\n{_AXES}property uchar red\nend_
     ],
 )
 def test_points_are_read_from_every_format(tmp_path, name, text):
-    (tmp_path / name).write_text(text)
+    (tmp_path / name).write_text(text, encoding="utf-8")
     assert np.array_equal(read_points(tmp_path / name), POINTS)
 
 
@@ -112,7 +112,7 @@ def test_an_open_surface_gives_its_vertices_and_the_middles_of_its_triangles(tmp
     ("text", "said"), [("1 2\n", "fewer than three"), ("1 2 nan\n", "finite"), ("", "no points")]
 )
 def test_bad_points_are_refused(tmp_path, text, said):
-    (tmp_path / "a.xyz").write_text(text)
+    (tmp_path / "a.xyz").write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=said):
         read_points(tmp_path / "a.xyz")
 
@@ -127,7 +127,7 @@ def matrix():
 def written(tmp_path, what):
     path = tmp_path / "part.txt"
     if isinstance(what, str):
-        path.write_text(what)
+        path.write_text(what, encoding="utf-8")
     else:
         np.savetxt(path, what, fmt="%.6f")
     return path
@@ -156,7 +156,7 @@ def test_what_is_not_rigid_is_refused_in_one_line(tmp_path, what, says):
 
 
 def test_what_cannot_be_a_folder_is_named(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
+    (tmp_path / "file").write_text("", encoding="utf-8")
     with pytest.raises(InputError, match=r"file/b: a page cannot be written here \(.+\); give --out a folder"):
         make_writable(tmp_path / "file" / "b", "a page")
 
@@ -180,7 +180,7 @@ with locked(Path(sys.argv[1])):
 
 
 def holder(folder: Path) -> subprocess.Popen[str]:
-    process = subprocess.Popen([sys.executable, "-c", HOLD, str(folder)], stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen([sys.executable, "-c", HOLD, str(folder)], stdout=subprocess.PIPE, encoding="utf-8")
     assert process.stdout is not None
     assert process.stdout.readline() == "held\n"
     return process
@@ -203,7 +203,7 @@ def test_the_second_process_is_refused_until_the_first_is_killed(tmp_path: Path)
         process.send_signal(signal.SIGKILL)
         process.wait()
     with locked(tmp_path / "link"):
-        assert (tmp_path / "result" / LOCK).read_text() == f"{os.getpid()}\n"
+        assert (tmp_path / "result" / LOCK).read_text(encoding="utf-8") == f"{os.getpid()}\n"
     assert list((tmp_path / "result").iterdir()) == []
 
 
@@ -218,28 +218,28 @@ def test_the_lock_ends_with_its_block_also_by_an_error(tmp_path: Path) -> None:
 
 def test_a_file_gets_its_name_when_it_is_atomic_write(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
-    path.write_text("old")
+    path.write_text("old", encoding="utf-8")
     with atomic_write(path) as name:
         assert name == partial(path) == tmp_path / "a.partial.csv"
-        name.write_text("new")
-        assert path.read_text() == "old"
-    assert path.read_text() == "new"
+        name.write_text("new", encoding="utf-8")
+        assert path.read_text(encoding="utf-8") == "old"
+    assert path.read_text(encoding="utf-8") == "new"
     assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize("error", [OSError, KeyboardInterrupt])
 def test_one_that_fails_leaves_the_old_file_and_nothing_else(tmp_path: Path, error: type[BaseException]) -> None:
     path = tmp_path / "a.csv"
-    path.write_text("old")
+    path.write_text("old", encoding="utf-8")
 
     def fail() -> None:
         with atomic_write(path) as name:
-            name.write_text("half")
+            name.write_text("half", encoding="utf-8")
             raise error
 
     with pytest.raises(error):
         fail()
-    assert path.read_text() == "old"
+    assert path.read_text(encoding="utf-8") == "old"
     assert list(tmp_path.iterdir()) == [path]
 
 

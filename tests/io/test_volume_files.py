@@ -148,7 +148,7 @@ def test_gmsh_reads_groups_of_layers_skin_and_bones(trunk, motion, tmp_path):
     gmsh.initialize(interruptible=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.open(str(tmp_path / "a.msh"))
+        gmsh.open(str(tmp_path / "a.msh"), encoding="utf-8")
         found = {}
         for dimension, tag in gmsh.model.getPhysicalGroups():
             entities = gmsh.model.getEntitiesForPhysicalGroup(dimension, tag)
@@ -218,7 +218,7 @@ def test_abaqus_gets_sets_material_and_every_displacement(trunk, motion, tmp_pat
     sets = meshio.read(tmp_path / "a.inp").point_sets
     np.testing.assert_array_equal(np.sort(sets["skin"]), np.sort(trunk.skin_nodes))
     np.testing.assert_array_equal(sets["bone_T10"], np.flatnonzero(trunk.bone == 0))
-    text = (tmp_path / "a.inp").read_text()
+    text = (tmp_path / "a.inp").read_text(encoding="utf-8")
     assert "*ELASTIC\n0.012, 0.4\n" in text  # MPa
     rows = [row.split(",") for row in text.split("*BOUNDARY\n")[1].split("*NODE FILE")[0].splitlines()]
     held = {(int(node) - 1, int(axis) - 1): float(u) for node, axis, _, u in rows}
@@ -299,7 +299,9 @@ def test_marks_of_bone_are_0_and_1_or_numbers_of_bones(none, trunk, bones, tmp_p
 
 def test_hybrid_tetrahedra_of_abaqus_are_tetrahedra(trunk, motion, bones, tmp_path):
     write_volume(tmp_path / "a.inp", trunk, motion, TISSUE)
-    (tmp_path / "a.inp").write_text((tmp_path / "a.inp").read_text().replace("C3D4", "C3D4H"))
+    (tmp_path / "a.inp").write_text(
+        (tmp_path / "a.inp").read_text(encoding="utf-8").replace("C3D4", "C3D4H"), encoding="utf-8"
+    )
     np.testing.assert_array_equal(read_volume(tmp_path / "a.inp", skin_of(trunk), bones).tets, trunk.tets)
 
 
@@ -320,6 +322,6 @@ def two_pieces(content):
 def test_the_cause_of_a_refused_mesh_is_named(ending, damage, said, trunk, motion, bones, tmp_path):
     path = tmp_path / f"a{ending}"
     write_volume(path, trunk, motion, TISSUE)
-    path.write_text(damage(path.read_text()))
+    path.write_text(damage(path.read_text(encoding="utf-8")), encoding="utf-8")
     with refuses(path.name, said):
         read_volume(path, skin_of(trunk), bones)

@@ -46,7 +46,7 @@ def test_a_kept_plan_is_the_planned_case(tmp_path: Path) -> None:
     assert read_plan(folder / "plan.toml") == SURGERY.plan
     after = read_landmarks(folder / "landmarks_after.csv")
     np.testing.assert_array_equal(after.points, SURGERY.landmarks_after.points)
-    assert ", plan plan_1" in (folder / "case.toml").read_text()
+    assert ", plan plan_1" in (folder / "case.toml").read_text(encoding="utf-8")
     assert (kept.free_name(), kept.names, kept.views) == ("plan_2", ("plan_1",), {"plan_1": shown})
     better = view()
     for one in (better, view(2)):  # the second is of another state
@@ -66,7 +66,7 @@ def test_an_existing_plan_is_not_overwritten_and_a_full_disk_is_reported(tmp_pat
     kept.keep("mine", view())
     with pytest.raises(InputError, match="'mine' exists already"):
         kept.keep("mine", view())
-    (tmp_path / "file").write_text("")
+    (tmp_path / "file").write_text("", encoding="utf-8")
     with pytest.raises(InputError, match="nothing was kept"):
         KeptPlans(tmp_path / "file", CASE).keep("mine", view())
 
@@ -93,7 +93,7 @@ def test_plans_of_before_are_found_and_no_others(tmp_path: Path) -> None:
     moved = replace(CASE.landmarks_before, points=CASE.landmarks_before.points + 1.0)
     KeptPlans(tmp_path, replace(CASE, landmarks_before=moved)).keep("hers", view())
     (tmp_path / "other").mkdir()
-    (tmp_path / "other" / "plan.toml").write_text("no plan")
+    (tmp_path / "other" / "plan.toml").write_text("no plan", encoding="utf-8")
     header = (tmp_path / "mine" / "case.toml").rename(tmp_path / "case.toml")
     assert KeptPlans(tmp_path, CASE).names == ()  # without it a folder is not whole
     header.rename(tmp_path / "mine" / "case.toml")

@@ -285,7 +285,7 @@ def test_command(tmp_path, capsys):
     place = [str(tmp_path / name) for name in ("back.ply", "spine.csv", "markers.csv")]
     command = ["measure", place[0], "--spine", place[1], "--markers", place[2], "--units", "m"]
     assert main([*command, "--out", str(tmp_path)]) == 0
-    record = json.loads((tmp_path / "measures.json").read_text())
+    record = json.loads((tmp_path / "measures.json").read_text(encoding="utf-8"))
     (angle,) = [one["value"] for one in record["measures"] if (one["level"], one["quantity"]) == ("T8", "bsr_deg")]
     assert angle == pytest.approx(8.0, abs=1e-3)
     assert "against the axis of the PSIS" in capsys.readouterr().out

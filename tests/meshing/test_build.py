@@ -114,7 +114,7 @@ def test_a_mesh_comes_back(trunk, folder):
 
 
 def test_folder_that_cannot_be_written_only_warns(trunk, folder):
-    folder.write_text("a file where the folder should be")
+    folder.write_text("a file where the folder should be", encoding="utf-8")
     with pytest.warns(UserWarning, match="could not be kept"):
         store_cached(KEY, trunk)
 

@@ -140,7 +140,7 @@ BALL, CORE = sphere(60.0), sphere(20.0)
 def test_its_death_is_one_line(monkeypatch, tmp_path, death, said):
     """In place of Python stands a program that dies as TetGen might."""
     dying = tmp_path / "dying"
-    dying.write_text(f"#!/bin/sh\n{death}\n")
+    dying.write_text(f"#!/bin/sh\n{death}\n", encoding="utf-8")
     dying.chmod(0o755)
     monkeypatch.setattr(sys, "executable", str(dying))
     with pytest.raises(InputError, match=rf"TetGen cannot fill the space between them \({said}\)") as error:

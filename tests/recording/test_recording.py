@@ -43,7 +43,7 @@ def recorded(tmp_path_factory):
 
 def test_viewer_accepts_the_file_with_its_blueprint_and_text(recorded):
     command = [sys.executable, "-m", "rerun", "rrd", "verify", str(recorded[0])]
-    done = subprocess.run(command, capture_output=True, text=True)
+    done = subprocess.run(command, capture_output=True, encoding="utf-8")
     assert done.returncode == 0, done.stderr
     assert len(RrdReader(recorded[0]).blueprints()) == 1
     assert column(recorded[0], "/summary", "text")[None].item() == "# The end"

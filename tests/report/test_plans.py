@@ -76,11 +76,11 @@ def test_plans_within_the_interval_of_their_difference_are_alike(three):
 
 def test_page_holds_every_plan_and_nothing_from_outside(tmp_path, capsys):
     folders = [write_small_result(tmp_path / name, name=f"<b>{name}</b>") for name in ("first", "second")]
-    (folders[1] / "plan.toml").write_text('uiv = "T4"  # <i>\nliv = "L1"\n')
+    (folders[1] / "plan.toml").write_text('uiv = "T4"  # <i>\nliv = "L1"\n', encoding="utf-8")
     assert main(["report", *map(str, folders)]) == 0
     page = tmp_path / "plans.html"
     assert str(page) in capsys.readouterr().out
-    text = page.read_text()
+    text = page.read_text(encoding="utf-8")
     assert "&lt;b&gt;first&lt;/b&gt;" in text
     assert text.count("# &lt;i&gt;") == 1  # the file of the plan, at the end
     assert text.index("T4 to L1 joined (10 vertebrae)") < text.index("What differs") < text.index("# &lt;i&gt;")

@@ -55,12 +55,12 @@ class Elements(HTMLParser):
 
 @pytest.fixture
 def plain(plain_report):
-    return plain_report.parent, plain_report.read_text()
+    return plain_report.parent, plain_report.read_text(encoding="utf-8")
 
 
 @pytest.fixture
 def compared(compared_report):
-    return compared_report.parent, compared_report.read_text()
+    return compared_report.parent, compared_report.read_text(encoding="utf-8")
 
 
 def test_page_and_pictures_are_written_whole(plain):
@@ -118,12 +118,12 @@ def test_actual_skin_brings_its_error(compared):
 def test_result_that_did_not_converge_says_so_first_and_predicts_nothing(tmp_path):
     """It has no estimate of its error either, as when its first step already fails."""
     folder = write_small_result(tmp_path, status=RelaxStatus.STALLED)
-    summary = json.loads((folder / "summary.json").read_text())
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     for row in summary["increments"]:
         row["estimated_error_mm"] = None
     del summary["parameters"]["tolerance"]
-    (folder / "summary.json").write_text(json.dumps(summary))
-    text = write_report(read_result(folder)).read_text()
+    (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    text = write_report(read_result(folder)).read_text(encoding="utf-8")
     assert text.index("did not reach its end (STALLED)") < text.index("<img")
     assert "What changes" not in text
     assert RelaxStatus.STALLED.value[1:] in Elements(text).words
@@ -133,7 +133,7 @@ def test_command_writes_the_same_bytes_elsewhere_and_says_where(plain, tmp_path,
     assert main(["report", str(plain[0]), "--out", str(tmp_path / "taken along")]) == 0
     page = tmp_path / "taken along" / "report.html"
     assert str(page) in capsys.readouterr().out
-    assert page.read_text() == plain[1]
+    assert page.read_text(encoding="utf-8") == plain[1]
     for name in PICTURES:
         again = page.parent / "report" / f"{name}.png"
         assert again.read_bytes() == (plain[0] / "report" / f"{name}.png").read_bytes()
@@ -143,22 +143,24 @@ def test_front_is_bare_only_where_that_is_asked_for(plain, tmp_path):
     assert main(["report", str(plain[0]), "--views", "bare", "--out", str(tmp_path)]) == 0
     names = {path.stem for path in (tmp_path / "report").iterdir()}
     assert names - set(PICTURES) == {"bare_front", "bare_side", "stretch_front"}
-    assert "Without clothes" in Elements((tmp_path / "report.html").read_text()).words
+    assert "Without clothes" in Elements((tmp_path / "report.html").read_text(encoding="utf-8")).words
     assert "Without clothes" not in Elements(plain[1]).words
 
 
 def test_a_plan_and_bands_are_on_the_page(plain, tmp_path):
     """Fused vertebrae, the fingerprint of the plan, intervals, and a better and a worse back."""
     folder = write_small_result(tmp_path, found=small_bands(len(small_case()[0].skin.vertices)))
-    (folder / "plan.toml").write_text('uiv = "T4"\nliv = "L1"\n[[curve]]\napex = "T8"\ncorrection = 0.65\n')
-    words = " ".join(Elements(write_report(read_result(folder)).read_text()).words.split())
+    (folder / "plan.toml").write_text(
+        'uiv = "T4"\nliv = "L1"\n[[curve]]\napex = "T8"\ncorrection = 0.65\n', encoding="utf-8"
+    )
+    words = " ".join(Elements(write_report(read_result(folder)).read_text(encoding="utf-8")).words.split())
     assert words.count("The 10 vertebrae from T4 to L1 are joined") == 2  # for the patient, and to sign
     assert "Plan: T4 to L1 joined (10 vertebrae); curve at T8: 65 % of the Cobb angle corrected." in words
     assert "A scar runs along the vertebrae from T4 to L1." in words
     first = read_result(folder).fingerprint
     assert first in words
     assert re.fullmatch(r"[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}", first)
-    (folder / "plan.toml").write_text('uiv = "T4"\nliv = "L2"\n')
+    (folder / "plan.toml").write_text('uiv = "T4"\nliv = "L2"\n', encoding="utf-8")
     assert read_result(folder).fingerprint != first
     assert "It can turn out better or worse" in words
     assert "19 of 20: " in words
@@ -222,7 +224,7 @@ def test_measures_say_which_levels_lie_in_their_band(tmp_path: Path, capsys: pyt
     result = write_small_result(tmp_path / "result", turn_more=2.0, found=FOUND)
     Measure(skin=result, against=result / "actual_skin.ply", out=tmp_path).run()
     said = capsys.readouterr().out
-    record = json.loads((tmp_path / "measures.json").read_text())
+    record = json.loads((tmp_path / "measures.json").read_text(encoding="utf-8"))
     inside, table = record["levels_in_band"], MeasureTable(Measured(**row) for row in record["measures"])
     for level, band in read_result(result).table.column("predicted", "bsr_deg").items():
         actual = table.value("actual", "bsr_deg", level)

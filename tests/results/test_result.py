@@ -70,7 +70,7 @@ def test_what_is_not_finite_or_missing_is_null_in_json(simulated, tmp_path):
     def refuse(constant):
         raise AssertionError(constant)
 
-    summary = json.loads((tmp_path / "summary.json").read_text(), parse_constant=refuse)
+    summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"), parse_constant=refuse)
     assert summary["increments"][0]["estimated_error_mm"] is None
     assert Measured("predicted", "T4", "bsr_deg", None) in {Measured(**row) for row in summary["measures"]}
     assert (summary["status"], summary["inverted_tets"]) == ("STALLED", 3)
@@ -133,9 +133,9 @@ def test_what_was_made_of_an_earlier_result_does_not_stand_beside_the_next(simul
     made = ["report.html", "report/back.png", "predicted_skin_measures.json", "predicted_skin_measures.csv"]
     kept = ["notes.txt", "report/notes.txt", "report/my.png", "report/copy.png"]
     for name in (*made, *kept):
-        (tmp_path / name).write_text("of the first")
+        (tmp_path / name).write_text("of the first", encoding="utf-8")
     for name in ("back", "copy"):
-        (tmp_path / "report" / f"{name}.png").write_text(picture_source("back"))
+        (tmp_path / "report" / f"{name}.png").write_text(picture_source("back"), encoding="utf-8")
     result_of(*simulated).save(tmp_path)
     assert [name for name in (*made, *kept) if (tmp_path / name).exists()] == kept
 

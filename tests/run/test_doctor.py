@@ -31,7 +31,7 @@ def no_processes(monkeypatch) -> None:
 
 @pytest.mark.usefixtures("no_processes")
 def test_folders_that_cannot_be_written_are_cured_and_results_are_needed(monkeypatch, tmp_path) -> None:
-    (tmp_path / "file").write_text("no folder")
+    (tmp_path / "file").write_text("no folder", encoding="utf-8")
     monkeypatch.setenv("WARP_TRUNK_CACHE", str(tmp_path / "file" / "cache"))
     found = findings(tmp_path / "file" / "results")
     assert "WARP_TRUNK_CACHE" in found["meshes kept"].cure
@@ -64,7 +64,7 @@ def test_command_ends_with_status_3_only_where_something_needed_is_missing(tmp_p
     assert "MISSING" not in said
     assert re.search(rf"^ok +processor +{platform.machine()}, \d+ cores", said, re.MULTILINE)
     assert re.search(rf"^ok +threads +woken by {waking_way()}$", said, re.MULTILINE)
-    (tmp_path / "file").write_text("no folder")
+    (tmp_path / "file").write_text("no folder", encoding="utf-8")
     request.getfixturevalue("no_processes")
     assert main(["doctor", "--results", str(tmp_path / "file" / "results")]) == 3
     lines = capsys.readouterr().out.splitlines()
@@ -102,7 +102,7 @@ def test_doctor_runs_a_kernel_that_was_cut_off(tmp_path):
     command = [sys.executable, "-c", "from warp_trunk.cli import main; main(['doctor'])"]
     environment = {**os.environ, "WARP_CACHE_PATH": str(tmp_path)}
     for _ in range(2):
-        done = subprocess.run(command, env=environment, capture_output=True, text=True, cwd=tmp_path)
+        done = subprocess.run(command, env=environment, capture_output=True, encoding="utf-8", cwd=tmp_path)
         assert "ok      kernels " in done.stdout, done.stderr
         (compiled,) = tmp_path.rglob("wp_*/*.o")
         os.truncate(compiled, 100)

@@ -61,7 +61,7 @@ def test_skin_follows_the_bone_that_moves_and_stays_where_none_does(front):
 
 def test_its_report_speaks_of_no_vertebra(front, tmp_path):
     page = write_report(front, tmp_path)
-    text = re.sub('base64,[^"]*', "", page.read_text())
+    text = re.sub('base64,[^"]*', "", page.read_text(encoding="utf-8"))
     for word in ("Cobb", "vertebra", "hump", "BSR"):
         assert word not in text
     assert {path.stem for path in (tmp_path / "report").glob("*.png")} >= {"first", "second", "sections", "error"}
@@ -71,7 +71,7 @@ def test_several_motions_share_a_patient(tmp_path, capsys):
     write_case(tmp_path / "case", part_case(front=Motion(translation=(0.0, -1.0, 0.0))))
     words = ["simulate", str(tmp_path / "case"), "--out", str(tmp_path / "out"), "--tets", "8000", "--no-record"]
     for name, way in (("near", -1.0), ("far", -4.0)):
-        (tmp_path / f"{name}.toml").write_text(f"[front]\ntranslation = [0, {way}, 0]\n")
+        (tmp_path / f"{name}.toml").write_text(f"[front]\ntranslation = [0, {way}, 0]\n", encoding="utf-8")
         words += ["--motions", str(tmp_path / f"{name}.toml")]
     assert main(words) == 0
     ways = [read_result(tmp_path / "out" / name) for name in ("near", "far")]
@@ -131,7 +131,7 @@ def test_points_go_with_their_surface_and_the_ratio_is_that_of_the_ways(tmp_path
 )
 def test_points_that_lie_nowhere_or_compare_nothing_are_refused(tmp_path, row, says):
     write_case(tmp_path, part_case(front=Motion(translation=(0.0, -1.0, 0.0))))
-    (tmp_path / "points.csv").write_text(f"name,x,y,z,bone_point\n{row}\n".replace("-60", "-71"))
+    (tmp_path / "points.csv").write_text(f"name,x,y,z,bone_point\n{row}\n".replace("-60", "-71"), encoding="utf-8")
     with pytest.raises(InputError, match=says):
         read_case(tmp_path)
 
@@ -140,7 +140,7 @@ def test_a_prediction_is_judged_by_the_share_that_is_near(front, tmp_path, capsy
     actual = tmp_path / "actual.ply"
     write_surface(actual, read_result(front.folder).skin)
     assert main(["measure", str(front.folder), "--against", str(actual), "--out", str(tmp_path)]) == 0
-    rows = json.loads((tmp_path / "measures.json").read_text())["measures"]
+    rows = json.loads((tmp_path / "measures.json").read_text(encoding="utf-8"))["measures"]
     error = {row["quantity"]: row["value"] for row in rows if row["state"] == "error"}
     assert error["distance_within_2_mm_percent"] == pytest.approx(100.0)
     assert error["distance_maximum_mm"] < 0.01
@@ -160,7 +160,7 @@ def test_a_cut_jaw_takes_chin_and_lip_along(tmp_path, forward, chin, lip):
         "tooth,-4.6,-176.9,1453.4,\n",
     }
     for name, text in files.items():
-        (tmp_path / "case" / name).write_text(text)
+        (tmp_path / "case" / name).write_text(text, encoding="utf-8")
     words = ["--bone", "mandible", "--plane", "0", "-118", "1470", "0", "0", "1"]
     assert main(["cut", str(tmp_path / "case"), *words, "--names", "mandible", "ramus_left", "ramus_right"]) == 0
     assert main(["simulate", str(tmp_path / "case"), "--out", str(tmp_path / "out"), "--no-record"]) == 0

@@ -96,7 +96,7 @@ def test_its_boundary_is_the_skin_and_the_summary_says_so(case: Case, mesh: Path
     trunk, displacement = read_trunk(out / "trunk.vtu")
     np.testing.assert_allclose(after.vertices - before.vertices, displacement[trunk.skin_nodes], atol=1e-9)
     assert np.linalg.norm(after.vertices - before.vertices, axis=1).max() > 1.0
-    summary = json.loads((out / "summary.json").read_text())
+    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     assert summary["parameters"]["from_mesh"] == str(mesh)
     assert "tets" not in summary["parameters"]  # nothing was meshed
     assert len(summary["tissues"]) == 1
@@ -115,7 +115,7 @@ def test_sag_and_the_times_of_stages_are_in_the_summary(case: Case, mesh: Path, 
     stiff = replace(case, tissue=replace(case.tissue, youngs_modulus=200.0))
     for gravity in (0.0, 9.81):
         simulated(stiff, tmp_path, mesh, record=False, gravity=gravity, layers="mesh")
-        summary = json.loads((tmp_path / "summary.json").read_text())
+        summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
         assert (summary["sag_mm"] > 0.0) == (gravity > 0.0) == ("rest" in summary["seconds"])
         assert summary["seconds"]["layers"] is not None
 

@@ -43,9 +43,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     write_case(tmp_path / "anna", replace(coarse_phantom(), landmarks_after=None))
     (tmp_path / "more").mkdir()
     for file, correction in (("less.toml", 0.3), ("more/plan.toml", 0.65)):
-        (tmp_path / file).write_text(TEXT.format(correction=correction))
+        (tmp_path / file).write_text(TEXT.format(correction=correction), encoding="utf-8")
     short = TEXT.format(correction=1.0).replace("T4", "T8").replace("L1", "T9")
-    (tmp_path / "never.toml").write_text(f'unfused = "fixed"\n{short}')
+    (tmp_path / "never.toml").write_text(f'unfused = "fixed"\n{short}', encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -64,7 +64,9 @@ def test_each_plan_has_a_result_as_if_it_was_alone(folder: Path, capsys: pytest.
     shared = Path("results/anna/more")
     for name in ("predicted_skin.ply", "trunk.vtu", "landmarks_before.csv", "landmarks_after.csv"):
         assert (shared / name).read_bytes() == Path("alone", name).read_bytes()
-    one, other = (json.loads((result / "summary.json").read_text()) for result in (shared, Path("alone")))
+    one, other = (
+        json.loads((result / "summary.json").read_text(encoding="utf-8")) for result in (shared, Path("alone"))
+    )
     for summary in (one, other):
         for name in ("seconds", "peak_memory_mb"):
             del summary[name]
@@ -130,7 +132,7 @@ def test_python_says_nothing_but_the_stages_of_the_run() -> None:
         "from warp_trunk.geometry.distance_field import SurfaceDistance;"
         "SurfaceDistance(case.skin).nearest(case.landmarks_before.points)"
     )
-    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, encoding="utf-8", check=True)
     assert (ended.stdout, ended.stderr) == ("", "")
 
 

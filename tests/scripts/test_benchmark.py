@@ -65,7 +65,7 @@ def test_file_of_something_else_is_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "other.npz", nodes=np.zeros(3))
     with pytest.raises(InputError, match="'bone' is missing"):
         read_problem(tmp_path / "other.npz")
-    (tmp_path / "text.npz").write_text("no")
+    (tmp_path / "text.npz").write_text("no", encoding="utf-8")
     with pytest.raises(InputError, match="cannot be read as a problem"):
         read_problem(tmp_path / "text.npz")
 
@@ -98,7 +98,7 @@ def test_records_are_complete_and_can_be_stored(method: str, tmp_path: Path) -> 
 
 def test_the_page_shows_what_was_measured() -> None:
     docs = SCRIPTS.parent / "docs"
-    page = (docs / "performance.md").read_text()
+    page = (docs / "performance.md").read_text(encoding="utf-8")
     assert replaced(page, short_table(read_records(docs / "benchmark.json"))) == page
 
 
@@ -132,14 +132,15 @@ def test_run_needs_numpy_scipy_and_warp_alone(tmp_path: Path) -> None:
         "    def find_spec(self, name, path=None, target=None):\n"
         "        if name.split('.')[0] in ('trimesh', 'tetgen', 'rerun', 'tyro', 'meshio', 'rich'):\n"
         "            raise ModuleNotFoundError(name)\n"
-        "sys.meta_path.insert(0, Refuse())\n"
+        "sys.meta_path.insert(0, Refuse())\n",
+        encoding="utf-8",
     )
     write_problem(tmp_path / "problem.npz", problem())
     out = tmp_path / "benchmark.json"
     command = [sys.executable, SCRIPTS / "benchmark.py", "run", tmp_path / "problem.npz", "--out", out]
     options = ["--no-compile", "--methods", "newton", "--threads", "1", "--precisions", "float32"]
     environment = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"}
-    done = subprocess.run([*command, *options], capture_output=True, text=True, env=environment)
+    done = subprocess.run([*command, *options], capture_output=True, encoding="utf-8", env=environment)
     assert done.returncode == 0, done.stderr
     found, wanted = ([one.max_error_mm for one in records] for records in (read_records(out), measured("newton")))
     assert found == wanted

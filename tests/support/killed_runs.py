@@ -48,7 +48,7 @@ def contents(folder: Path) -> dict[str, Any]:
     """The files of a result by their final names; the summary without times and memory."""
     found: dict[str, Any] = {name: (folder / name).read_bytes() for name in FILES if (folder / name).is_file()}
     if (folder / "summary.json").is_file():
-        found["summary.json"] = timeless(json.loads((folder / "summary.json").read_text()))
+        found["summary.json"] = timeless(json.loads((folder / "summary.json").read_text(encoding="utf-8")))
     return found
 
 

@@ -22,7 +22,7 @@ def solved_by_calculix(folder, trunk, motion, tissue):
     assert CCX is not None
     subprocess.run([CCX, "problem"], cwd=folder, check=True, capture_output=True, timeout=120)
     displacement, on = {}, False
-    for line in (folder / "problem.frd").read_text().splitlines():
+    for line in (folder / "problem.frd").read_text(encoding="utf-8").splitlines():
         if line.startswith(" -4  DISP"):
             on = True  # the last step written is the end
         elif line.startswith(" -3"):

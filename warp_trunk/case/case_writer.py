@@ -75,7 +75,7 @@ def write_case(folder: str | Path, case: Case) -> None:
 def begin_case(folder: Path) -> None:
     """Marks a folder as a case that is not yet complete, which `read_case` refuses."""
     folder.mkdir(parents=True, exist_ok=True)
-    partial(folder / HEADER).write_text("")
+    partial(folder / HEADER).write_bytes(b"")
     (folder / HEADER).unlink(missing_ok=True)
 
 

@@ -98,7 +98,7 @@ def _do_case(folder: Path, out: Path, options: CohortOptions) -> CaseOutcome:
             return CaseOutcome(row=dataclasses.replace(earlier.row, folder=folder.name), kept=True)
     out.mkdir(parents=True, exist_ok=True)
     (out / JUDGED).unlink(missing_ok=True)
-    with (out / LOG).open("a", encoding="utf-8") as log, Progress(log) as progress:
+    with (out / LOG).open("a", encoding="utf-8", newline="\n") as log, Progress(log) as progress:
         result = simulate(case, folder=out, options=options.run, progress=progress, warnings=warnings)
         with progress.stage("judge", "judging by the actual skin"):
             row = _row(case, folder, result)

@@ -60,16 +60,22 @@ def locked(folder: Path) -> Iterator[None]:
     try:
         lock.acquire()
     except Timeout:
-        owner = path.read_text(errors="replace").strip() if path.is_file() else "unknown"
+        owner = "another process"
+        with suppress(OSError):  # Windows lets nobody else read it
+            owner = f"process {path.read_text(encoding='utf-8', errors='replace').strip()}"
         raise InputError(
-            f"{folder}: process {owner} writes its result here; wait for its end or give another --out"
+            f"{folder}: {owner} writes its result here; wait for its end or give another --out"
         ) from None
     try:
-        path.write_text(f"{os.getpid()}\n")
+        with suppress(OSError):
+            path.write_bytes(b"%d\n" % os.getpid())
         yield
     finally:
-        path.unlink(missing_ok=True)
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
         lock.release()
+        with suppress(OSError):  # Windows removes no open file
+            path.unlink(missing_ok=True)
 
 
 def seen_from_here(path: Path) -> Path:

@@ -122,7 +122,7 @@ def write_trunk(path: str | Path, trunk: TrunkMesh, displacement: np.ndarray | N
         "Points": {"Points": trunk.nodes}, "Cells": cells,
         "PointData": content.point_data, "CellData": content.cell_data,
     }  # fmt: skip
-    with path.open("w", encoding="ascii") as file:
+    with path.open("w", encoding="utf-8", newline="\n") as file:
         file.write(
             '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian" '
             'compressor="vtkZLibDataCompressor">\n<UnstructuredGrid>\n'

@@ -126,7 +126,7 @@ def _write_abaqus(path: Path, trunk: TrunkMesh, displacement: np.ndarray, tissue
     )
     meshio.abaqus.write(path, mesh, float_fmt=".12g")
     held = np.flatnonzero(trunk.prescribed)
-    with path.open("a", encoding="utf-8") as file:
+    with path.open("a", encoding="utf-8", newline="\n") as file:
         file.write(
             f"*MATERIAL, NAME=TISSUE\n*ELASTIC\n{tissue.youngs_modulus * 1e-3:.9g}, "
             f"{tissue.poisson_ratio:.9g}\n*SOLID SECTION, ELSET=tissue, MATERIAL=TISSUE\n*STEP, NLGEOM, "

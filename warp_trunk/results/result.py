@@ -251,7 +251,7 @@ def write_result(folder: Path, result: Result) -> None:
 
 
 def _write_text(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8")
+    path.write_text(text, encoding="utf-8", newline="\n")
 
 
 def read_result(folder: str | Path) -> Result:

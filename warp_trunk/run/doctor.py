@@ -133,7 +133,7 @@ def _results(folder: Path) -> str:
 
 def _viewer() -> str:
     command, environment = viewer_command("--version"), viewer_environment()
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=VIEWER_TIMEOUT)
+    done = subprocess.run(command, env=environment, capture_output=True, encoding="utf-8", timeout=VIEWER_TIMEOUT)
     lines = (done.stdout or done.stderr).strip().splitlines() or ["no output"]
     if done.returncode:
         raise OSError(f"does not start ({lines[-1]})")

@@ -49,7 +49,7 @@ def test_plan_comes_back(tmp_path: Path, plan: Plan) -> None:
     ],
 )
 def test_what_is_wrong_names_the_file(tmp_path: Path, text: str, rule: str) -> None:
-    (tmp_path / "plan.toml").write_text(text)
+    (tmp_path / "plan.toml").write_text(text, encoding="utf-8")
     with refuses(rule, begins=tmp_path / "plan.toml"):
         read_plan(tmp_path / "plan.toml")
 

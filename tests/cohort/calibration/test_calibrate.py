@@ -54,10 +54,10 @@ CALIBRATION = Calibration(
 
 
 def test_file_and_page(tmp_path: Path) -> None:
-    page = write_calibration(tmp_path / "tissue.toml", CALIBRATION).read_text()
+    page = write_calibration(tmp_path / "tissue.toml", CALIBRATION).read_text(encoding="utf-8")
     assert read_tissue_file(tmp_path / "tissue.toml") == {"poisson_ratio": 0.468, "fat.youngs_modulus": 2.9}
-    assert "SYNTHETIC" in (tmp_path / "tissue.toml").read_text()
-    assert json.loads((tmp_path / "tissue.json").read_text())["found"][0]["low"] == 0.455
+    assert "SYNTHETIC" in (tmp_path / "tissue.toml").read_text(encoding="utf-8")
+    assert json.loads((tmp_path / "tissue.json").read_text(encoding="utf-8"))["found"][0]["low"] == 0.455
     for said in (
         "0.455 to 0.48",
         "+0.50 to +1.50 mm, drawn over 3 patients",

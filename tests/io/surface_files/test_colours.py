@@ -59,7 +59,7 @@ def test_numbers_of_every_range_are_told_apart(tmp_path, kind):
         lines += [" ".join([*map(repr, row[:3]), *map(number, row[3:])]) for row in rows]
         lines += [f"3 {a} {b} {c}" for a, b, c in SKIN.faces]
     path = tmp_path / ("a.obj" if kind.startswith("OBJ") else "a.ply")
-    path.write_text("\n".join(lines) + "\n")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     np.testing.assert_array_equal(read_surface(path).colours, COLOURS)
     points, colours = read_scan(path)
     assert colours is not None
@@ -92,8 +92,10 @@ def textured(folder, *, names=("skin.mtl", "skin.png")):
         uv = (corners + np.array([left, low])) / (8.0 * side)
         places += [f"vt {u} {1.0 - v}" for u, v in uv]
         faces.append("f " + " ".join(f"{c + 1}/{3 * number + k + 1}" for k, c in enumerate(face)))
-    (folder / "skin.obj").write_text("\n".join([*lines, *places, "usemtl photo", *faces]))
-    (folder / "skin.mtl").write_text(f"newmtl photo\nKd 0.5 0.5 0.5\nmap_Kd -s 1 1 1 {names[1]}\n")
+    (folder / "skin.obj").write_text("\n".join([*lines, *places, "usemtl photo", *faces]), encoding="utf-8")
+    (folder / "skin.mtl").write_text(
+        f"newmtl photo\nKd 0.5 0.5 0.5\nmap_Kd -s 1 1 1 {names[1]}\n", encoding="utf-8"
+    )
     Image.fromarray(picture).save(folder / "skin.png")
     return picture
 

@@ -68,7 +68,7 @@ def test_a_texture_does_not_open_a_closed_surface(tmp_path):
     """Each triangle has corners of its own in the texture; trimesh would split the vertices there."""
     lines = [f"v {x} {y} {z}" for x, y, z in PYRAMID.vertices] + ["vt 0 0", "vt 1 0", "vt 0 1"]
     lines += ["usemtl a"] + ["f " + " ".join(f"{c + 1}/{i + 1}" for i, c in enumerate(f)) for f in PYRAMID.faces]
-    (tmp_path / "a.obj").write_text("\n".join(lines))
+    (tmp_path / "a.obj").write_text("\n".join(lines), encoding="utf-8")
     assert_same(read_surface(tmp_path / "a.obj"), PYRAMID)
     soup = trimesh.Trimesh(
         PYRAMID.vertices[PYRAMID.faces].reshape(-1, 3), np.arange(18).reshape(-1, 3), process=False
@@ -135,7 +135,7 @@ FRIENDLY_OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf
     ],
 )
 def test_no_file_is_opened_but_the_surface(tmp_path, name, content):
-    (tmp_path / "secret.txt").write_text("newmtl a\nKd 1 1 1\n")
+    (tmp_path / "secret.txt").write_text("newmtl a\nKd 1 1 1\n", encoding="utf-8")
     (tmp_path / name).write_bytes(content)
     refused = None
     with audited() as events:

@@ -157,7 +157,7 @@ def written(folder: Path, levels: tuple[str, ...] = VERTEBRAE, edit: str = "") -
         for part, point in zip(("body", "left_pedicle", "right_pedicle"), points, strict=True):
             lines.append(f"{level}_{part}," + ",".join(f"{value:.3f}" for value in point))
     path = folder / "spine.csv"
-    path.write_text("\n".join([*lines, edit] if edit else lines) + "\n")
+    path.write_text("\n".join([*lines, edit] if edit else lines) + "\n", encoding="utf-8")
     return path
 
 

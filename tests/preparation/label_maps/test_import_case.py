@@ -235,7 +235,9 @@ def test_a_large_map_is_read_within_two_gigabytes(tmp_path):
     values[0, 0, 0] = values[-1, -1, -1] = NUMBERS["sacrum"]  # as large as a box can be
     write_labels(tmp_path / "a.nii", values, np.diag([0.8, 0.8, 0.75, 1.0]), NAMES)
     del values
-    run = subprocess.run([sys.executable, "-c", READ, str(tmp_path / "a.nii")], capture_output=True, text=True)
+    run = subprocess.run(
+        [sys.executable, "-c", READ, str(tmp_path / "a.nii")], capture_output=True, encoding="utf-8"
+    )
     assert run.returncode == 0, run.stderr[-500:]
     masks, *shape, memory = run.stdout.replace("(", "").replace(")", "").replace(",", "").split()
     assert (int(masks), tuple(map(int, shape))) == (6, SHAPE)
