@@ -148,7 +148,7 @@ def test_gmsh_reads_groups_of_layers_skin_and_bones(trunk, motion, tmp_path):
     gmsh.initialize(interruptible=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.open(str(tmp_path / "a.msh"), encoding="utf-8")
+        gmsh.open(str(tmp_path / "a.msh"))
         found = {}
         for dimension, tag in gmsh.model.getPhysicalGroups():
             entities = gmsh.model.getEntitiesForPhysicalGroup(dimension, tag)
