@@ -22,7 +22,7 @@ def check(root: Path = ROOT) -> subprocess.CompletedProcess[str]:
         shutil.copytree(root / "kernels", package / "kernels", ignore=ignore)
         linter, contracts = Path(sys.executable).with_name("lint-imports"), root / "pyproject.toml"
         command = [linter, "--no-cache", "--no-logo", contracts]
-        return subprocess.run(command, cwd=folder, capture_output=True, text=True)
+        return subprocess.run(command, cwd=folder, capture_output=True, encoding="utf-8")
 
 
 if __name__ == "__main__":

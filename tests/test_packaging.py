@@ -88,6 +88,6 @@ def test_an_import_against_the_order_is_found(tmp_path):
         (tmp_path / part).symlink_to(check_imports.ROOT / part)
     (tmp_path / "kernels").unlink()
     shutil.copytree(KERNELS, tmp_path / "kernels", ignore=shutil.ignore_patterns("__pycache__"))
-    with (tmp_path / "kernels" / "vectors.py").open("a") as file:
+    with (tmp_path / "kernels" / "vectors.py").open("a", encoding="utf-8") as file:
         file.write("import warp_trunk.engine.model\n")
     assert "warp_trunk.kernels is not allowed to import warp_trunk.engine" in check_imports.check(tmp_path).stdout

@@ -36,7 +36,7 @@ def with_a_loose_vertex(folder: Path) -> None:
     skin = read_surface(folder / "skin.ply")
     lines = [f"v {x} {y} {z}" for x, y, z in [(np.nan, 9e9, 0.0), *skin.vertices.tolist()]]
     lines += [f"f {a} {b} {c}" for a, b, c in (skin.faces + 2).tolist()]
-    (folder / "skin.obj").write_text("\n".join(lines))
+    (folder / "skin.obj").write_text("\n".join(lines), encoding="utf-8")
     (folder / "skin.ply").unlink()
 
 
@@ -45,7 +45,7 @@ def with_measurements(folder: Path) -> None:
     rows = zip(marks.names, marks.points.tolist(), strict=True)
     points = [{"label": name, "position": place} for name, place in rows]
     text = json.dumps({"markups": [{"controlPoints": points, "measurements": [{"value": "?"}]}]})
-    (folder / "landmarks_before.mrk.json").write_text(text.replace('"?"', "-nan(ind)"))
+    (folder / "landmarks_before.mrk.json").write_text(text.replace('"?"', "-nan(ind)"), encoding="utf-8")
     (folder / "landmarks_before.csv").unlink()
 
 

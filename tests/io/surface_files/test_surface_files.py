@@ -333,7 +333,7 @@ ODD_OBJ = [
 def test_what_an_obj_does_not_need_decides_nothing(tmp_path, text):
     """A mark before it, textures without a material, their places, normals, vertices in no triangle."""
     (tmp_path / "a.obj").write_text(text, encoding="utf-8")
-    (tmp_path / "a.mtl").write_text("newmtl a\nKd 0.5 0.5 0.5\n")
+    (tmp_path / "a.mtl").write_text("newmtl a\nKd 0.5 0.5 0.5\n", encoding="utf-8")
     surface = read_surface(tmp_path / "a.obj")
     np.testing.assert_array_equal(surface.vertices[surface.faces], [
         [[0, 0, 0], [0, 1, 0], [1, 0, 0]], [[0, 0, 0], [1, 0, 0], [0, 0, 1]],
@@ -348,9 +348,9 @@ def test_normals_that_are_no_numbers_decide_nothing(tmp_path, none):
     faces = "3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n"
     body = f"0 0 0 1\n1 0 0 {none}\n0 1 0 1\n0 0 1 {none}\n{faces}"
     head += "element face 4\nproperty list uchar int vertex_indices\nend_header\n"
-    (tmp_path / "a.ply").write_text(head + body)
+    (tmp_path / "a.ply").write_text(head + body, encoding="utf-8")
     assert len(read_surface(tmp_path / "a.ply").faces) == 4
-    (tmp_path / "a.ply").write_text(head + body.replace("1 0 0 ", f"{none} 0 0 "))
+    (tmp_path / "a.ply").write_text(head + body.replace("1 0 0 ", f"{none} 0 0 "), encoding="utf-8")
     with pytest.raises(InputError, match="1 of 4 vertices are not finite"):
         read_surface(tmp_path / "a.ply")
 
