@@ -51,7 +51,7 @@ def test_no_difference_of_two_plans_exceeds_the_largest_by_level(seed: int) -> N
         for one, other in combinations("ABC", 2):
             columns = [table.values(name, maximum.largest_of) for name in (one, other)]
             by_level = [abs(there(columns[0][level]) - there(columns[1][level])) for level in maximum.levels]
-            assert found[f"{one} − {other}"] <= max(by_level)
+            assert found[f"{one} against {other}"] <= max(by_level)
 
 
 def test_two_plans_whose_largest_lumbar_rotations_are_on_other_sides_are_alike() -> None:

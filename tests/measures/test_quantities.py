@@ -11,6 +11,7 @@ from warp_trunk.measures import compare_skins, measure
 from warp_trunk.measures.comparison import comparison_rows
 from warp_trunk.measures.quantities import COLUMNS, QUANTITIES, Measured, MeasureTable, measured
 from warp_trunk.measures.rows import STATES, MeasureRow, level_rows, measure_rows, measures_text
+from warp_trunk.report.headlines import headlines
 from warp_trunk.report.sentences import sentences
 from warp_trunk.report.style import BEFORE, PREDICTED
 
@@ -87,17 +88,16 @@ def test_a_left_curve_and_a_left_hump_that_improve_become_less():
     left = poses(scaled(THORACIC, -1.0), scaled(THORACIC, -0.3), turned=(-12.0, -4.0))
     rows = compared(left)
     (upper,) = [cells for title, cells in rows.items() if title.startswith("Rotation of the upper back")]
-    assert upper == ["12 left", "4.0 left", "−8.0"]
+    assert upper == ["12 left", "4.0 left", "8.0 better"]
     kinds = ("Rotation of the upper", "Rotation of the lower", "Main hump", "Cobb")
     improved = [cells[2] for title, cells in rows.items() if title.startswith(kinds)]
     assert len(improved) == 6
-    assert all(change.startswith("−") for change in improved)
+    assert all(change.endswith("better") for change in improved)
     levels = level_rows(table_of(left))
-    assert all(row.compared_cells()[3].startswith("−") for row in levels)
-    assert (
-        "left side of the back still stands further back, by 4 degrees"
-        in sentences(table_of(left), ())["What stays"]
-    )
+    assert all(row.compared_cells()[3].endswith("better") for row in levels)
+    said = sentences(table_of(left), headlines(table_of(left), left[0].measures.cobb))
+    assert "left side of the back still stands further back, by 4 degrees" in said["What will not change"]
+    assert "Cobb" not in " ".join(said.values())
 
 
 def test_every_curve_is_followed_between_the_same_vertebrae():
@@ -117,10 +117,33 @@ def test_every_curve_is_followed_between_the_same_vertebrae():
 
 @pytest.mark.parametrize(
     ("was", "will", "change"),
-    [(7.0, 9.0, "+2.0 ▲"), (7.0, -5.0, "−2.0 other side"), (3.6, -3.8, "+0.2 ▲ other side"), (9.0, 7.0, "−2.0")],
+    [
+        (7.0, 9.0, "2.0 worse"),
+        (7.0, -5.0, "12, other side"),
+        (3.6, -3.8, "7.4, other side"),
+        (9.0, 7.0, "2.0 better"),
+    ],
 )
-def test_what_grows_and_what_changes_its_side_are_marked(was, will, change):
-    row = MeasureRow(quantity=QUANTITIES["shoulder_difference_mm"], level="", values=(was, will))
-    assert row.compared_cells()[3] == change
-    height = MeasureRow(quantity=QUANTITIES["spine_height_mm"], level="", values=(386.0, 404.0))
-    assert height.compared_cells()[3] == "+18"
+def test_differences_are_sizes_with_a_word(was, will, change):
+    assert compared_row("shoulder_difference_mm", was, will)[3] == change
+    assert compared_row("spine_height_mm", 386.0, 404.0)[3] == "18 more"
+
+
+def compared_row(key, was, will, sd=None):
+    after = Measured("predicted", "", key, will)
+    if sd is not None:
+        after = Measured.with_sd("predicted", "", key, will, sd)
+    numbers = (Measured("before", "", key, was), after)
+    return MeasureRow(quantity=QUANTITIES[key], level="", numbers=numbers).compared_cells()
+
+
+def test_only_what_is_visibly_and_certainly_worse_is_marked():
+    assert compared_row("shoulder_difference_mm", 2.0, 14.0, 2.0)[3] == "12 worse ▲"
+    for will, sd in ((14.0, None), (14.0, 9.0), (2.6, 0.1)):  # no interval, not certain, not visible
+        assert "▲" not in "".join(compared_row("shoulder_difference_mm", 2.0, will, sd))
+
+
+def test_a_number_whose_interval_is_wider_than_what_it_says_is_dropped():
+    """Half of the interval is 11.8: more than 9, than the change of 3, and than 5 that can be seen."""
+    assert compared_row("shoulder_difference_mm", 6.0, 9.0, 6.0)[2:] == ["not known", "–"]
+    assert compared_row("shoulder_difference_mm", 6.0, 9.0, 4.0)[2:] == ["9.0 right", "3.0 worse"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
@@ -51,6 +51,8 @@ class Quantity:
     the same place."""
     side: bool = False
     """Whether it is positive to the patient's right, or where the right side stands further back."""
+    smaller_is_better: bool = False
+    """Whether a smaller one is better though it has no side."""
     detectable: float = LENGTH
     """States that differ by less cannot be distinguished by it [unit]."""
     short: str = ""
@@ -63,6 +65,11 @@ class Quantity:
     """The quantity by level whose value it is where the reference has its largest; empty for any other."""
     levels: tuple[str, ...] = JUDGED
     """Among which levels that is."""
+
+    @property
+    def should_be_small(self) -> bool:
+        """Whether 0 is best, as of any difference of the two sides."""
+        return self.side or self.smaller_is_better
 
     def label_at(self, level: str) -> str:
         """Its name for a reader at a level."""
@@ -124,30 +131,30 @@ _DEFINED = (
              function=_flank("right")),
     Quantity(key="flank_asymmetry_percent", label="Asymmetry of the flanks at {level}", unit="%", side=True,
              **_LEVEL, of_skin=True, function=_flank("index")),
+    Quantity(key="waist_height_mm", label="Higher waist, by", unit="mm", side=True, short="height of the waist",
+             **_BACK, function=lambda m, _: {"": m.waist and m.waist.height_difference}),
+    Quantity(key="waist_depth_mm", label="Deeper waist, by", unit="mm", side=True, **_BACK,
+             short="depth of the waist", function=lambda m, _: {"": m.waist and m.waist.depth_difference}),
+    Quantity(key="waist_depth_left_mm", label="Depth of the left waist", unit="mm", **_BACK,
+             function=lambda m, _: {"": m.waist and m.waist.left_depth}),
+    Quantity(key="waist_depth_right_mm", label="Depth of the right waist", unit="mm", **_BACK,
+             function=lambda m, _: {"": m.waist and m.waist.right_depth}),
+    Quantity(key="main_hump_mm", label="Main hump, at {level}", unit="mm", side=True,
+             short="hump at {level}", **_BACK, **_largest("hump_mm")),
+    Quantity(key="shoulder_difference_mm", label="Higher shoulder, by", unit="mm", side=True, short="shoulders",
+             **_BACK, function=lambda m, _: {"": m.shoulders and m.shoulders.difference}),
     Quantity(key="thoracic_bsr_deg", label="Rotation of the upper back (BSR) at {level}", unit="°",
              side=True, detectable=DETECTABLE, short="rotation of the upper back at {level}", **_BACK,
              **_largest("bsr_deg", THORACIC[2:])),
     Quantity(key="lumbar_bsr_deg", label="Rotation of the lower back (BSR) at {level}", unit="°",
              side=True, detectable=DETECTABLE, short="rotation of the lower back at {level}", **_BACK,
              **_largest("bsr_deg", LUMBAR)),
-    Quantity(key="main_hump_mm", label="Main hump, at {level}", unit="mm", side=True,
-             short="hump at {level}", **_BACK, **_largest("hump_mm")),
-    Quantity(key="shoulder_difference_mm", label="Higher shoulder, by", unit="mm", side=True, short="shoulders",
-             **_BACK, function=lambda m, _: {"": m.shoulders and m.shoulders.difference}),
-    Quantity(key="waist_depth_left_mm", label="Depth of the left waist", unit="mm", **_BACK,
-             function=lambda m, _: {"": m.waist and m.waist.left_depth}),
-    Quantity(key="waist_depth_right_mm", label="Depth of the right waist", unit="mm", **_BACK,
-             function=lambda m, _: {"": m.waist and m.waist.right_depth}),
-    Quantity(key="waist_depth_mm", label="Deeper waist, by", unit="mm", side=True, **_BACK,
-             short="depth of the waist", function=lambda m, _: {"": m.waist and m.waist.depth_difference}),
-    Quantity(key="waist_height_mm", label="Higher waist, by", unit="mm", side=True, **_BACK,
-             function=lambda m, _: {"": m.waist and m.waist.height_difference}),
     Quantity(key="skin_change_max_mm", label="Movement of the skin, largest", unit="mm", **_BACK,
              function=lambda m, _: {"": m.skin_change_max}),
     Quantity(key="skin_change_mean_mm", label="Movement of the skin, mean", unit="mm", **_BACK,
              function=lambda m, _: {"": m.skin_change_mean}),
-    Quantity(key="cobb_deg", label="Cobb angle {ends}", unit="°", detectable=SPINE_ANGLE, **_CURVE,
-             short="Cobb angle {ends}", function=_cobb),
+    Quantity(key="cobb_deg", label="Cobb angle {ends}", unit="°", smaller_is_better=True, detectable=SPINE_ANGLE,
+             **_CURVE, short="Cobb angle {ends}", function=_cobb),
     Quantity(key="apical_rotation_deg", label="Rotation of the apical vertebra {level}", unit="°", side=True,
              detectable=SPINE_ANGLE, short="rotation of {level}", **_CURVE,
              function=lambda m, reference: _apical(m, reference, "rotation")),
@@ -165,7 +172,8 @@ _DEFINED = (
              function=lambda m, _: {"": m.spine_height and m.spine_height.height}),
 )  # fmt: skip
 QUANTITIES = {quantity.key: quantity for quantity in _DEFINED}
-"""The registry: every quantity by its key, in the order in which tables show them."""
+"""The registry: every quantity by its key, in the order in which tables show them: as patients rank them, the
+waist first."""
 
 
 def quantities_of(*groups: str) -> list[Quantity]:
@@ -282,18 +290,15 @@ class MeasureTable:
         return next((row.level for row in self.rows if row.quantity == quantity), None)
 
     def elsewhere(self, state: str, quantity: str) -> Measured | None:
-        """Where a state has more than at the place of a maximum, its row there.
+        """Where a state has more than at the place of a maximum (`Quantity.largest_of`), its row there; None where
+        that place has as much, as it is shown."""
+        maximum = QUANTITIES[quantity]
+        return self.larger(state, maximum.largest_of, self.place(quantity) or "", maximum.levels)
 
-        Args:
-            state: of the trunk.
-            quantity: a maximum (`Quantity.largest_of`).
-
-        Returns:
-            None where the state has its maximum at that place too, or, as it is shown, no more elsewhere.
-        """
-        maximum, here = QUANTITIES[quantity], self.value(state, quantity, self.place(quantity) or "")
-        level = largest_at(self.values(state, maximum.largest_of), maximum.levels)
-        row = None if level is None else self.row(state, maximum.largest_of, level)
+    def larger(self, state: str, quantity: str, level: str, levels: Sequence[str] = JUDGED) -> Measured | None:
+        """The row of the largest of some levels where that is more than at a level, as it is shown; else None."""
+        here, largest = self.value(state, quantity, level), largest_at(self.values(state, quantity), levels)
+        row = None if largest is None else self.row(state, quantity, largest)
         if row is None or row.value is None or here is None or round(abs(row.value)) <= round(abs(here)):
             return None
         return row

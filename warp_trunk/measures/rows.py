@@ -6,7 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from .quantities import BEFORE, DETECTABLE, PREDICTED, MeasureTable, Quantity, quantities_of
+from .number_text import MISSING, interval_text, number, sided, value_text
+from .quantities import BEFORE, DETECTABLE, PREDICTED, Measured, MeasureTable, Quantity, quantities_of
+from .verdicts import NOT_KNOWN, change_text, is_certainly_worse, is_known
 
 if TYPE_CHECKING:
     from warp_trunk.spine.apical import ApicalVertebra
@@ -15,12 +17,10 @@ if TYPE_CHECKING:
     from .comparison import SkinComparison
     from .measures import TrunkMeasures
 
+WORSE = "▲"
+"""Marks what is visibly worse, and certainly so."""
 STATES = BEFORE, PREDICTED
 """The states that are shown side by side where nothing else is asked for."""
-
-MISSING = "–"
-WORSE = "▲"
-"""Marks what should be small and grows."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,8 +31,16 @@ class MeasureRow:
     """The quantity."""
     level: str
     """Where it is measured; empty for the whole trunk."""
-    values: tuple[float | None, ...]
-    """Its value in each state, before surgery first; None where it is missing."""
+    numbers: tuple[Measured | None, ...]
+    """Its row of the table in each state, before surgery first; None where it is missing."""
+
+    fixed: str = ""
+    """Words in place of an interval, where a plan fixes it."""
+
+    @property
+    def values(self) -> tuple[float | None, ...]:
+        """Its value in each state; None where it is missing."""
+        return tuple(None if row is None else row.value for row in self.numbers)
 
     @property
     def name(self) -> str:
@@ -57,36 +65,43 @@ class MeasureRow:
             return None
         return max(known) - min(known) >= self.quantity.detectable
 
+    def is_known(self, state: int) -> bool:
+        """Whether its value in a state, by number, is there and says more than its interval is wide."""
+        return bool(self.fixed) or is_known(self.quantity, self.numbers[state], self.values[0] if state else None)
+
     def text(self, value: float | None, unit: str = "") -> str:
         """A value of this measure as text, with a unit after the number."""
-        if value is None:
-            return MISSING
-        return sided(value, unit) if self.quantity.side else number(value) + unit
+        return value_text(self.quantity, value, unit)
 
     def cells(self) -> list[str]:
-        """Its title and the value in each state."""
-        return [self.title, *map(self.text, self.values)]
+        """Its title and the value in each state, in words where that is not known."""
+        return [self.title, *map(self._cell, range(len(self.numbers)))]
+
+    def _cell(self, state: int) -> str:
+        value = self.values[state]
+        return self.text(value) if value is None or self.is_known(state) else NOT_KNOWN
 
     def compared_cells(self) -> list[str]:
-        """Its title, the values before and predicted, the change, and for an actual state its value and the error.
-
-        The change is that of the size, whatever its side, between the numbers as they are shown. `WORSE` marks a
-        difference of sides or a curve that grows; a change of side stands in words.
-        """
-        before, predicted, *actual = self.values
-        change = MISSING
-        if before is not None and predicted is not None:
-            was, will = rounded(before), rounded(predicted)
-            uneven = self.quantity.side or self.quantity.key == "cobb_deg"
-            more = abs(will) - abs(was) if uneven else will - was
-            marks = [WORSE] if uneven and more > 0.0 else []
-            marks += ["other side"] if uneven and was * will < 0.0 else []
-            change = " ".join([number(more, sign=True), *marks])
-        cells = [self.title, self.text(before), self.text(predicted), change]
-        for value in actual:
-            error = None if value is None or predicted is None else abs(predicted - value)
-            cells += [self.text(value), number(error)]
+        """Its cells with the change from the first to the second state (`change_text`) after both, and after each
+        further state, an actual one, how far the prediction is from it. `WORSE` marks what is visibly worse for
+        certain."""
+        title, before, predicted, *actual = self.cells()
+        change = change_text(self.quantity, *self.values[:2]) if self.is_known(1) else MISSING
+        cells = [title, before, predicted, f"{change} {WORSE}" if self.is_worse else change]
+        for text, value in zip(actual, self.values[2:], strict=True):
+            error = None if value is None or self.values[1] is None else abs(self.values[1] - value)
+            cells += [text, number(error) if self.is_known(1) else MISSING]
         return cells
+
+    @property
+    def interval(self) -> str:
+        """Where its second state lies in 19 of 20 cases, or that the plan fixes it; empty for neither."""
+        return self.fixed or interval_text(self.numbers[1], sided=self.quantity.side)
+
+    @property
+    def is_worse(self) -> bool:
+        """Whether its second state is visibly worse than the first, and that is certain."""
+        return not self.fixed and is_certainly_worse(self.quantity, self.values[0], self.numbers[1])
 
 
 def measure_rows(
@@ -158,33 +173,12 @@ def _rows(group: str, table: MeasureTable, states: Sequence[str], *, known: bool
     """The rows of a group of quantities; those that no state has are left out where only what is known counts."""
     found = []
     for quantity in quantities_of(group):
-        columns = [table.values(state, quantity.key) for state in states]
+        columns = [table.column(state, quantity.key) for state in states]
         for level in dict.fromkeys(level for column in columns for level in column):
-            values = tuple(column.get(level) for column in columns)
-            if not known or any(value is not None for value in values):
-                found.append(MeasureRow(quantity=quantity, level=level, values=values))
+            row = MeasureRow(quantity=quantity, level=level, numbers=tuple(c.get(level) for c in columns))
+            if not known or any(value is not None for value in row.values):
+                found.append(row)
     return found
-
-
-def rounded(value: float) -> float:
-    """A value with the digits that are shown: two, or all before the point."""
-    return round(value, 0 if abs(value) >= 9.95 else 1)
-
-
-def number(value: float | None, *, sign: bool = False) -> str:
-    """A number with two digits, or all before the point, never -0; a dash where it is missing."""
-    if value is None:
-        return MISSING
-    text = f"{value:{'+' if sign else ''}z.{0 if abs(value) >= 9.95 else 1}f}".replace("-", "−")
-    return "0.0" if text == "+0.0" else text
-
-
-def sided(value: float | None, unit: str = "") -> str:
-    """A number that is positive to the right, with its side in words; a dash where it is missing."""
-    if value is None:
-        return MISSING
-    size = number(abs(value))
-    return size + unit if size == "0.0" else f"{size}{unit} {'right' if value > 0.0 else 'left'}"
 
 
 RESEARCH = "A research simulation, not for clinical use."

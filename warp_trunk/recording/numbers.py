@@ -10,8 +10,9 @@ import rerun as rr
 from warp_trunk.engine.relaxation import Energy
 from warp_trunk.measures import TrunkMeasures
 from warp_trunk.measures.levels import JUDGED
+from warp_trunk.measures.number_text import sided
 from warp_trunk.measures.quantities import BEFORE, Measured, MeasureTable
-from warp_trunk.measures.rows import RESEARCH, as_markdown, measure_rows, sided
+from warp_trunk.measures.rows import RESEARCH, as_markdown, measure_rows
 
 from .colours import GREY, NOW, TARGET, TERMS, TEXT
 

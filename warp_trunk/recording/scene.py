@@ -11,8 +11,8 @@ from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.surface import Surface, vertex_normals
 from warp_trunk.measures import TrunkMeasures
+from warp_trunk.measures.number_text import sided
 from warp_trunk.measures.quantities import ACTUAL, MeasureTable
-from warp_trunk.measures.rows import sided
 from warp_trunk.views.hump import hump_palette
 
 from .colours import BONE, NOW, TEXT, displacement_paint, hump_paint, painted

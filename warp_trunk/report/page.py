@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -11,27 +12,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warp_trunk.bone_motion.plan import Plan, plan_of_text, plan_words
+from warp_trunk.bone_motion.plan import Plan, fixed_numbers, plan_of_text, plan_words, planned_curves
 from warp_trunk.engine.simulation import ON_THE_WAY
 from warp_trunk.geometry.surface import corner_areas
 from warp_trunk.geometry.surface_checks import crossings
-from warp_trunk.measures import SkinComparison, TrunkMeasures
+from warp_trunk.measures import SkinComparison
 from warp_trunk.measures.levels import JUDGED
+from warp_trunk.measures.number_text import MISSING, number, value_text
 from warp_trunk.measures.part import FollowedPoint, agreement_rows, profile, swept_volumes
 from warp_trunk.measures.quantities import ACTUAL, BEFORE, DETECTABLE, EXACT, PREDICTED, QUANTITIES, MeasureTable
-from warp_trunk.measures.rows import (
-    MISSING,
-    MeasureRow,
-    number,
-    rotation_table,
-    skin_rows,
-    spine_rows,
-    under_headings,
-)
+from warp_trunk.measures.rows import MeasureRow, curve_heading, measure_rows, rotation_table, under_headings
 from warp_trunk.measures.skin_quality import LOOK, STRETCH
 from warp_trunk.results.summary_text import spring_lines
 
-from .sentences import glance, joined, option_rows, sentences
+from .headlines import Headline, headlines
+from .sentences import joined, option_rows, planned, questions, sentences
 from .style import TrunkState
 from .turning import Turning, script
 
@@ -64,6 +59,8 @@ def page(
     """
     summary, table, plan = result.summary, result.table, plan_of_result(result)
     quality, curves, states = summary.skin_quality, summary.curves[BEFORE], STATES[: len(poses)]
+    fixed = {} if plan is None else fixed_numbers(plan)
+    shown = headlines(table, curves, fixed)
     return rendered(
         "page.html",
         drawings,
@@ -72,13 +69,17 @@ def page(
         hatched=quality is not None and bool(quality.faults),
         stretch=f"{LOOK:g}",
         implausible=f"{STRETCH:g}",
-        glance=glance(table, curves),
+        glance=shown,
+        in_numbers=in_numbers(shown),
         joined=joined(plan),
         plan_words="" if plan is None else plan_words(plan),
+        planned=planned(table, curves, list(table.column(BEFORE, "bsr_deg")), plan),
         fingerprint=result.fingerprint,
-        sentences=sentences(table, curves, comparison, summary.bands, plan),
-        measure_head=head(poses, "measure"),
-        measure_rows=measure_table(table, result.measures_before, states),
+        sheet=sheet_of(result),
+        sentences=sentences(table, shown, comparison, summary.bands, plan),
+        questions=questions(shown, plan),
+        measure_head=measure_head(poses, summary.bands),
+        measure_rows=measure_table(result, states, plan),
         rotation_head=head(poses, "level") + (["19 of 20 between", "and"] if summary.bands else []),
         rotation_rows=rotation_table(table, states, MeasureRow.compared_cells, bands=summary.bands is not None),
         bands=summary.bands,
@@ -174,11 +175,46 @@ def head(poses: Sequence[TrunkState], name: str) -> list[str]:
     return [name, *titles[:2], "change", *([*titles[2:], "error"] if len(poses) > 2 else [])]
 
 
-def measure_table(table: MeasureTable, before: TrunkMeasures, states: Sequence[str]) -> list[list[str]]:
-    """The back, then every curve of the spine and the spine as a whole, as planned."""
-    groups = {"The back": skin_rows(table, states)}
-    groups |= {f"{heading}, as planned": rows for heading, rows in spine_rows(table, before, states).items()}
-    return under_headings(groups, MeasureRow.compared_cells)
+def measure_head(poses: Sequence[TrunkState], bands: Bands | None) -> list[str]:
+    """The head of `measure_table`."""
+    titles = head(poses, "measure")
+    return [*titles[:3], *([] if bands is None else ["19 of 20"]), *titles[3:]]
+
+
+def measure_table(result: Result, states: Sequence[str], plan: Plan | None) -> list[list[str]]:
+    """The back, then every curve of the spine and the spine as a whole; each number with its interval.
+
+    What the plan fixes says that in place of an interval; a maximum that is larger elsewhere afterwards says so.
+    """
+    table, before, banded = result.table, result.measures_before, result.summary.bands is not None
+    fixed = {} if plan is None else fixed_numbers(plan)
+    asked = set() if plan is None else planned_curves(plan, before.cobb, before.spine.levels)
+    groups = measure_rows(table, before, states)
+    for curve, apex in zip(before.cobb, before.apices, strict=True) if plan else ():
+        heading = curve_heading(curve, apex)
+        if heading in groups:
+            words = "as planned" if curve in asked else "follows the others"
+            groups = {f"{name}, {words}" if name == heading else name: rows for name, rows in groups.items()}
+
+    def cells(row: MeasureRow) -> list[str]:
+        row = replace(row, fixed=fixed.get((row.quantity.key, row.level), ""))
+        title, was, will, *others = row.compared_cells()
+        if row.quantity.largest_of and (larger := table.elsewhere(PREDICTED, row.quantity.key)):
+            title += f"; predicted largest at {larger.level}, {row.text(larger.value)}"
+        return [title, was, will, *([row.interval] if banded else []), *others]
+
+    return under_headings(groups, cells)
+
+
+def in_numbers(shown: Sequence[Headline]) -> str:
+    """The headlines in one line, for readers who cannot see the pictures."""
+    return "; ".join(f"{one.name}: {one.text}" + (f", {one.word}" if one.word else "") for one in shown)
+
+
+def sheet_of(result: Result) -> str:
+    """The line at the foot of every printed sheet: name, day and fingerprint, as a string of CSS."""
+    words = " · ".join(filter(None, (result.summary.case, result.summary.day, result.fingerprint)))
+    return "".join(c if c.isalnum() or c in " .,·-" else f"\\{ord(c):x} " for c in words)
 
 
 def plan_of_result(result: Result) -> Plan | None:
@@ -196,10 +232,10 @@ def band_table(table: MeasureTable, bands: Bands) -> list[list[str]]:
             if row.low is None:
                 continue
             met = table.column(EXACT, quantity.key).get(level)
-            line = MeasureRow(quantity=quantity, level=level, values=(row.value, row.low, row.high))
-            value, low, high = map(line.text, line.values)
+            value, low, high = (value_text(quantity, one) for one in (row.value, row.low, row.high))
             linear = "no" if (quantity.key, level) in bands.nonlinear else "yes" if quantity.of_skin else ""
-            found.append([line.title, value, number(row.sd), low, high, number(met and met.sd), linear])
+            title = f"{quantity.label_at(level)} [{quantity.unit}]"
+            found.append([title, value, number(row.sd), low, high, number(met and met.sd), linear])
     return found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -9,19 +10,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.bone_motion.plan import Plan, plan_words
+from warp_trunk.bone_motion.plan import Plan, fixed_numbers, plan_words
 from warp_trunk.errors import InputError
+from warp_trunk.measures.number_text import MISSING, interval_text, number
 from warp_trunk.measures.quantities import DETECTABLE, LENGTH, SPINE_ANGLE, WIDTH, MeasureTable
-from warp_trunk.measures.rows import MISSING, MeasureRow, measure_rows, number, under_headings
+from warp_trunk.measures.rows import MeasureRow, measure_rows, under_headings
+from warp_trunk.measures.verdicts import difference_word
 
-from .page import rendered
-from .sentences import interval_text, listed
+from .headlines import headlines
+from .page import rendered, sheet_of
+from .sentences import listed
 from .style import BEFORE, PLANS, TrunkState
 from .turning import Turning
 
 if TYPE_CHECKING:
     from warp_trunk.results import Result
     from warp_trunk.results.bands import Effects
+    from warp_trunk.spine import CobbAngle
 
 SAME = 1e-3
 """Points of one patient before surgery differ by no more than files round [mm]."""
@@ -94,6 +99,7 @@ def plans_page(
     named = list(zip([pose.look.heading for pose in poses[1:]], words, results, strict=True))
     states = [pose.look.title for pose in poses]
     groups = measure_rows(table, results[0].measures_before, states)
+    fixed = [{}, *({} if plan is None else fixed_numbers(plan) for plan in plans)]
     apart = apart_of(groups, states, [result.effects for result in results])
     return rendered(
         "plans.html",
@@ -107,7 +113,11 @@ def plans_page(
         differs=differences(poses, apart),
         unbanded=listed([title for title, _, result in named if result.effects is None]),
         numbers_head=["", *states],
-        numbers_rows=numbers_table(groups, table, states),
+        numbers_rows=numbers_table(groups, table, states, fixed),
+        glance_head=["", *states[1:]],
+        glance_rows=glance_table(table, results[0].measures_before.cobb, states, fixed),
+        sheet=" and ".join(dict.fromkeys(map(sheet_of, results))),
+        joined=any(plans),
         apart_head=["", *dict.fromkeys(one.title for one in apart)],
         apart_rows=apart_table(apart),
     )
@@ -115,24 +125,30 @@ def plans_page(
 
 @dataclass(frozen=True)
 class Apart:
-    """The difference of a measure between two plans."""
+    """The difference of a measure between two plans, at one place."""
 
     row: MeasureRow
     """The measure, in every state."""
     title: str
-    """The two plans, A − B."""
+    """The two plans, such as A against B."""
     value: float
-    """The first less the second, in the unit of the measure."""
+    """The first less the second, with the sign of the measure [its unit]."""
+    values: tuple[float, float]
+    """The measure with the first and with the second plan."""
     low: float | None
     """Where the interval begins that holds the difference in 19 of 20 cases; None where it was not computed ..."""
     high: float | None
     """... and where it ends."""
 
     @property
+    def is_visible(self) -> bool:
+        """Whether it can be seen."""
+        return abs(self.value) >= self.row.quantity.detectable
+
+    @property
     def differs(self) -> bool:
         """Whether plans differ by it: zero lies outside its interval, where there is one, and it can be seen."""
-        seen = abs(self.value) >= self.row.quantity.detectable
-        return seen and (self.low is None or self.high is None or self.low * self.high > 0.0)
+        return self.is_visible and (self.low is None or self.high is None or self.low * self.high > 0.0)
 
 
 def apart_of(
@@ -148,41 +164,101 @@ def apart_of(
     for one, other in combinations(range(len(effects)), 2):
         a, b = effects[one], effects[other]
         sds = {} if a is None or b is None else a.difference_sd(b)
-        title = " − ".join(states[1 + number].removeprefix("plan ") for number in (one, other))
+        title = " against ".join(states[1 + number].removeprefix("plan ") for number in (one, other))
         for row in rows:
             first, second = row.values[1 + one], row.values[1 + other]
             if first is not None and second is not None:
                 value, sd = first - second, sds.get((row.quantity.key, row.level))
                 ends = (None, None) if sd is None else (value - WIDTH * sd, value + WIDTH * sd)
-                found.append(Apart(row, title, value, *ends))
+                found.append(Apart(row, title, value, (first, second), *ends))
     return found
 
 
 def apart_table(apart: Sequence[Apart]) -> list[list[str]]:
-    """Each difference with its interval; one that cannot be distinguished from zero is in brackets."""
+    """Each difference with its interval; what cannot be seen is alike, what is not certain is not known."""
     titles, table = [*dict.fromkeys(one.title for one in apart)], dict[str, dict[str, str]]()
     for one in apart:
-        text = number(one.value, sign=True)
-        if one.low is not None and one.high is not None:
-            text += f" ({number(one.low, sign=True)} to {number(one.high, sign=True)})"
-        table.setdefault(one.row.title, {})[one.title] = text if one.differs else f"[{text}]"
+        table.setdefault(one.row.title, {})[one.title] = apart_text(one)
     return [[name, *(cells.get(title, MISSING) for title in titles)] for name, cells in table.items()]
 
 
+def apart_text(apart: Apart) -> str:
+    """A difference as a size with a word for the first plan, and the interval of that size.
+
+    The difference of two numbers on the same side, or of numbers without one, is that of their sizes; on
+    different sides it is the whole way between them.
+    """
+    quantity, (first, second) = apart.row.quantity, apart.values
+    sides = quantity.should_be_small and first * second < 0.0
+    sign = 1.0  # towards the larger size, or from the second plan to the first
+    if quantity.should_be_small:
+        sign = math.copysign(1.0, apart.value if sides else first + second)
+
+    def words(value: float) -> str:
+        size = number(abs(value))
+        if sides:
+            return f"{size}, other side" if value >= 0.0 else f"{size} the other way"
+        return f"{size} {difference_word(quantity, value)}" if size != "0.0" else size
+
+    value = sign * apart.value
+    text = words(value) if apart.differs else "not known" if apart.is_visible else "alike"
+    if apart.low is None or apart.high is None:
+        return text
+    low, high = sorted((sign * apart.low, sign * apart.high))
+    if number(low) == number(high) == "0.0":
+        return text
+    if low * high > 0.0:
+        ends = [number(end) for end in sorted((abs(low), abs(high)))]
+        return f"{text} ({ends[0]} to {ends[1]})"
+    return f"{text} ({words(low)} to {words(high)})"
+
+
 def numbers_table(
-    groups: Mapping[str, Sequence[MeasureRow]], table: MeasureTable, states: Sequence[str]
+    groups: Mapping[str, Sequence[MeasureRow]],
+    table: MeasureTable,
+    states: Sequence[str],
+    plans: Sequence[Mapping[tuple[str, str], str]],
 ) -> list[list[str]]:
-    """Every measure before surgery and with each plan, with its interval where that was computed."""
+    """Every measure before surgery and with each plan, with its interval where that was computed.
+
+    Args:
+        groups: the measures by heading.
+        table: the numbers.
+        states: their names, before surgery first.
+        plans: the words for numbers that each plan fixes, by quantity and level, as of the states.
+    """
 
     def cells(row: MeasureRow) -> list[str]:
-        title, *found = row.cells()
-        for place, state in enumerate(states):
-            known = table.column(state, row.quantity.key).get(row.level)
-            text = interval_text(known, sided=row.quantity.side)
-            found[place] += f" ({text})" if text else ""
+        words = [plan.get((row.quantity.key, row.level), "") for plan in plans]
+        title, *found = replace(row, fixed=words[-1]).cells()
+        for place, known in enumerate(row.numbers):
+            text = words[place] or (interval_text(known, sided=row.quantity.side) if row.is_known(place) else "")
+            larger = table.elsewhere(states[place], row.quantity.key) if row.quantity.largest_of else None
+            more = "" if larger is None else f"; largest at {larger.level}, {row.text(larger.value)}"
+            found[place] += (f" ({text})" if text else "") + more
         return [title, *found]
 
     return under_headings(groups, cells)
+
+
+def glance_table(
+    table: MeasureTable,
+    curves: Sequence[CobbAngle],
+    states: Sequence[str],
+    plans: Sequence[Mapping[tuple[str, str], str]],
+) -> list[list[str]]:
+    """The numbers that a patient asks for first with each plan, each with the word for its change."""
+    by_plan = [
+        headlines(table, curves, fixed, (states[0], state))
+        for state, fixed in zip(states[1:], plans[1:], strict=True)
+    ]
+    lines: dict[tuple[str, str], list[str]] = {}
+    for place, shown in enumerate(by_plan):
+        for one in shown:
+            row = lines.setdefault((one.key, one.level), [one.subject, *[MISSING] * len(by_plan)])
+            parts = [one.text, one.word, one.note, f"19 of 20: {one.interval}" if one.interval else ""]
+            row[1 + place] = "; ".join(dict.fromkeys(filter(None, parts)))
+    return [*lines.values()]
 
 
 def differences(poses: Sequence[TrunkState], apart: Sequence[Apart]) -> list[str]:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.engine.simulation import ON_THE_WAY
-from warp_trunk.measures.rows import sided
+from warp_trunk.measures.number_text import sided
 from warp_trunk.views.relief import in_pelvis
 
 from .style import FAINT, INK, PREDICTED, TrunkState, new_figure

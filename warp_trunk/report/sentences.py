@@ -1,228 +1,150 @@
-"""A result in words: sentences for the patient, the main numbers, and the options."""
+"""A result in words: sentences for the patient, questions to ask, and the options."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from warp_trunk.bone_motion.plan import Plan, fused_levels
+from warp_trunk.bone_motion.plan import Plan, fused_levels, planned_curves
 from warp_trunk.measures import SkinComparison
 from warp_trunk.measures.quantities import BEFORE, DETECTABLE, PREDICTED, QUANTITIES, Measured, MeasureTable
+from warp_trunk.measures.verdicts import NOT_KNOWN, is_known
 from warp_trunk.spine import CobbAngle
+
+from .headlines import Headline, minus, side_of
 
 if TYPE_CHECKING:
     from warp_trunk.results.bands import Bands
 
-
-MAIN = 0.8
-"""A curve of at least this part of the largest is a main curve too: a double major has two."""
-Pair = tuple[float | None, float | None]
-"""A number before surgery and predicted."""
-
-
-@dataclass(frozen=True)
-class Tile:
-    """One of the numbers that a patient asks for first."""
-
-    name: str
-    """The quantity, with its side where it keeps one."""
-    value: str
-    """Before surgery and predicted."""
-    warning: str
-    """Whether it grows or changes its side; empty where it does not."""
-    interval: str
-    """Where the predicted number lies in 19 of 20 cases; empty where that was not computed."""
+_WORDS = {
+    "visibly better": "Visibly better",
+    "no visible change": "No visible change",
+    "other side": "On the other side",
+    "visibly worse": "Visibly worse",
+    NOT_KNOWN: "Not known",
+}
+"""How each word of a headline begins its part of a sentence, in the order in which they are named."""
+_SUBJECTS = {
+    "waist_height_mm": "height of the waist",
+    "waist_depth_mm": "depth of the waist",
+    "main_hump_mm": "hump",
+    "shoulder_difference_mm": "shoulders",
+    "trunk_shift_mm": "balance to the side",
+    "bsr_deg": "rotation of the back",
+}
+"""Headlines by a noun."""
 
 
 def sentences(
     table: MeasureTable,
-    curves: Sequence[CobbAngle],
+    shown: Sequence[Headline],
     comparison: SkinComparison | None = None,
     bands: Bands | None = None,
     plan: Plan | None = None,
 ) -> dict[str, str]:
-    """Sentences on the plan, the changes, the rest and the certainty, by these headings.
+    """Sentences on the changes, the likely range and the rest, by these headings; without an angle of the spine.
 
     Args:
         table: the numbers of the result.
-        curves: those of the spine before surgery.
+        shown: those that a patient asks for first.
         comparison: of the predicted skin with the actual one, where that is known.
         bands: the sources of the intervals, where there are some.
-        plan: the plan that was simulated, where that is known.
+        plan: the plan that was simulated; None without a fusion.
     """
-    followed = _followed(table, curves)
-    sure = [band_sentence(table, bands), _trust(comparison)]
     return {
-        "What is planned": _plan(followed),
-        "What changes": " ".join(filter(None, [_change(table, len(_main(followed)) > 1), _bearing(table)])),
-        "What stays": f"{_rest(table)} {_stiff(plan)}",
-        "How sure this is": " ".join(sure),
+        "What changes": " ".join(filter(None, (_groups(shown), _waist_and_hump(shown), _upright(shown)))),
+        "The likely range": f"{band_sentence(table, bands)} {_trust(comparison)}",
+        "What will not change": " ".join(filter(None, (_rest(table), stiff(plan)))),
     }
 
 
-def pair(table: MeasureTable, key: str, level: str = "") -> Pair:
-    """A number before surgery and predicted."""
-    return table.value(BEFORE, key, level), table.value(PREDICTED, key, level)
-
-
-def known(table: MeasureTable, key: str, level: str = "") -> tuple[float, float] | None:
-    """A number before surgery and predicted, where both are known."""
-    was, will = pair(table, key, level)
-    return None if was is None or will is None else (was, will)
+def questions(shown: Sequence[Headline], plan: Plan | None) -> list[str]:
+    """Questions that a patient may ask her surgeon about this prediction."""
+    named = {one.word: _SUBJECTS[one.key] for one in reversed(shown) if one.key in _SUBJECTS}
+    asked = []
+    if worse := named.get("visibly worse"):
+        asked.append(f"The {worse} may look worse than now. Would another plan avoid that?")
+    if unsure := named.get(NOT_KNOWN):
+        asked.append(f"It is not known how the {unsure} will look. What have you seen in others?")
+    asked.append("What would my back look like without surgery, or with fewer vertebrae joined?")
+    if plan is not None:
+        asked.append("What will I no longer be able to do with the joined vertebrae?")
+    return [*asked, "How far may the result be from these pictures?"]
 
 
 def joined(plan: Plan | None) -> str:
     """The fused vertebrae in a sentence."""
     if plan is None:
-        return "The plan does not state which vertebrae are joined."
+        return "The bones were moved without a plan of fusion: no vertebra is stated to be joined."
     return f"The {len(fused_levels(plan))} vertebrae from {plan.uiv} to {plan.liv} are joined by rods, for good."
 
 
-def _stiff(plan: Plan | None) -> str:
-    where = "the joined vertebrae" if plan is None else f"the vertebrae from {plan.uiv} to {plan.liv}"
-    return f"A scar runs along {where}. There the spine no longer bends or turns; above and below it still does."
-
-
-_SIDES = {
-    "bsr_deg": "the {side} side further back",
-    "main_hump_mm": "on the {side}",
-    "shoulder_difference_mm": "the {side} one higher",
-    "waist_depth_mm": "the {side} one deeper",
-    "trunk_shift_mm": "to the {side}",
-}
-"""Sides in words, by quantity."""
-
-
-def glance(table: MeasureTable, curves: Sequence[CobbAngle]) -> list[Tile]:
-    """The few numbers that a patient asks for first: before and after, with side and interval."""
-    worst = table.largest(BEFORE, "bsr_deg") or ""  # the same one after surgery, where another may be the largest
-    hump = table.place("main_hump_mm") or ""
-    asked = [
-        ("cobb_deg", f"curve of the spine, {_ends(curve)}, to the {curve.convex}", curve.ends)
-        for curve, _ in _main(_followed(table, curves))
-    ]
-    asked += [
-        ("bsr_deg", f"rotation of the back at {worst}", worst),
-        ("main_hump_mm", f"hump at {hump}", hump),
-        ("shoulder_difference_mm", "shoulders", ""),
-        ("waist_depth_mm", "waist", ""),
-        ("trunk_shift_mm", "top of the spine beside the pelvis", ""),
-    ]
-    tiles = []
-    for key, name, level in asked:
-        if both := known(table, key, level):
-            tiles.append(_tile(key, name, *both, table.column(PREDICTED, key)[level]))
-    if both := known(table, "spine_height_mm"):
-        tiles.append(Tile("height of the spine", _minus(f"{both[1] - both[0]:+z.0f} mm"), "", ""))
-    return tiles
-
-
-def _tile(key: str, name: str, was: float, will: float, row: Measured) -> Tile:
-    """A number before and after."""
-    quantity, words = QUANTITIES[key], _SIDES.get(key)
-    unit = "°" if quantity.unit == "°" else " mm"
-    sides = [_side(value) if round(value) else "" for value in (was, will)]
-    flips = bool(words) and sides[0] != sides[1] and "" not in sides
-    if words and not flips and (side := sides[0] or sides[1]):
-        name = f"{name}, {words.format(side=side)}"
-    first, last = (f"{abs(was):.0f}", f"{abs(will):.0f}") if words else (f"{was:.0f}", f"{will:.0f}")
-    value = f"{first} → {last}{unit}"
-    if flips:
-        value = f"{first} {sides[0]} → {last} {sides[1]}{unit if unit == '°' else ''}"
-        name += "" if unit == "°" else " [mm]"
-    return Tile(
-        name, _minus(value), _warning(was, will, quantity.detectable, flips), interval_text(row, sided=bool(words))
-    )
-
-
-def _warning(was: float, will: float, detectable: float, flips: bool) -> str:
-    """A warning of another side, or of more than before; empty for neither."""
-    more = abs(round(will)) - abs(round(was))
-    words = ["changes its side"] if flips else []
-    if more > 0:
-        small = more < detectable
-        words.append("more than before" + (", but hardly to be seen" if small else ""))
-    return " and ".join(words)
-
-
-def interval_text(row: Measured | None, *, sided: bool) -> str:
-    """Where a number lies in 19 of 20 cases; empty where that is not known."""
-    if row is None or row.low is None or row.high is None:
+def stiff(plan: Plan | None) -> str:
+    """Scar and stiffness; empty without a fusion."""
+    if plan is None:
         return ""
-    low, high = row.low, row.high
-    if round(low) * round(high) >= 0 or not sided:
-        ends = sorted((abs(low), abs(high))) if sided else [low, high]
-        return _minus(f"{ends[0]:z.0f} to {ends[1]:z.0f}")
-    return f"{abs(low):.0f} left to {high:.0f} right"
+    where = f"A scar runs along the vertebrae from {plan.uiv} to {plan.liv}"
+    return f"{where}. There the spine no longer bends or turns; above and below it still does."
+
+
+def planned(table: MeasureTable, curves: Sequence[CobbAngle], levels: Sequence[str], plan: Plan | None) -> str:
+    """The change of the curves, for the surgeon: those that the plan asks something of, then those that follow.
+
+    Args:
+        table: the numbers of the result.
+        curves: those before surgery.
+        levels: the vertebrae, top to bottom.
+        plan: the plan; without one, curves go with the bones.
+    """
+    after = table.column(PREDICTED, "cobb_deg")
+    followed = [(curve, row) for curve in curves if (row := after.get(curve.ends)) is not None]
+    if not followed:
+        return "The spine has no curve of 10 degrees or more."
+    if plan is None:
+        return f"The curves of the spine go {_listed(followed)}."
+    asked = planned_curves(plan, curves, levels)
+    texts = []
+    for of_plan, text in ((True, "The plan takes the curve{s} {}."), (False, "The other curve{s} follow{v}: {}.")):
+        if some := [one for one in followed if (one[0] in asked) == of_plan]:
+            several = len(some) > 1
+            texts.append(text.format(_listed(some), s="s" * several, v="" if several else "s"))
+    return " ".join(texts)
 
 
 def band_sentence(table: MeasureTable, bands: Bands | None) -> str:
-    """How sure the rotation at the level of the largest one is; states where that was not computed."""
-    level = table.largest(BEFORE, "bsr_deg") or ""
-    band = table.column(PREDICTED, "bsr_deg").get(level)
-    if band is None or band.low is None or band.high is None:
-        return "How far these numbers may be wrong was not computed for this prediction."
-    least, most = sorted((abs(band.low), abs(band.high)))
-    between = f"between {least:.0f} and {most:.0f} degrees"
-    if round(band.low) * round(band.high) < 0:
-        between = (
-            f"between {abs(band.low):.0f} degrees with the left side further back and {band.high:.0f} with the "
-            "right side"
-        )
-    nonlinear = bands is not None and ("bsr_deg", level) in bands.nonlinear
-    rough = " That is a rough figure: small errors have uneven effects there." if nonlinear else ""
-    return (
-        f"In 19 of 20 such operations the rotation at {level} would be {between}, if the bones are seen and moved "
-        f"as exactly as is usual.{rough}"
-    )
+    """How sure the main hump is, or else the largest rotation; states where that was not computed."""
+    hump, turned = table.place("main_hump_mm") or "", table.largest(BEFORE, "bsr_deg") or ""
+    for key, level, what, unit in (
+        ("main_hump_mm", hump, f"hump at {hump}", "mm"),
+        ("bsr_deg", turned, f"rotation at {turned}", "degrees"),
+    ):
+        band, before = table.row(PREDICTED, key, level), table.value(BEFORE, key, level)
+        if band is None or band.low is None or band.high is None or not is_known(QUANTITIES[key], band, before):
+            continue
+        least, most = sorted((abs(band.low), abs(band.high)))
+        between = f"between {least:.0f} and {most:.0f} {unit}"
+        if round(band.low) * round(band.high) < 0:
+            between = (
+                f"between {abs(band.low):.0f} {unit} with the left side further back and {band.high:.0f} with the "
+                "right side"
+            )
+        nonlinear = bands is not None and (key, level) in bands.nonlinear
+        rough = " That is a rough figure: small errors have uneven effects there." if nonlinear else ""
+        usual = "if the bones are seen and moved as exactly as is usual"
+        return f"In 19 of 20 such operations the {what} would be {between}, {usual}.{rough}"
+    if any(row.low is not None for row in table.column(PREDICTED, "bsr_deg").values()):
+        return "The intervals of hump and rotation are wider than what they say."
+    return "How far these numbers may be wrong was not computed for this prediction."
 
 
-Followed = Sequence[tuple[CobbAngle, float]]
-"""Curves before surgery, each with the angle between the same vertebrae after it."""
-
-
-def _followed(table: MeasureTable, curves: Sequence[CobbAngle]) -> Followed:
-    after = table.values(PREDICTED, "cobb_deg")
-    return [(curve, angle) for curve in curves if (angle := after.get(curve.ends)) is not None]
-
-
-def _main(curves: Followed) -> Followed:
-    """The curves that a spine is named after, top to bottom."""
-    largest = max((curve.angle for curve, _ in curves), default=0.0)
-    return [one for one in curves if one[0].angle >= MAIN * largest]
-
-
-def _ends(curve: CobbAngle) -> str:
-    return f"{curve.upper} to {curve.lower}"
-
-
-def _minus(text: str) -> str:
-    return text.replace("-", "−")
-
-
-def _plan(curves: Followed) -> str:
-    if not curves:
-        return "The spine has no curve of 10 degrees or more."
-    main = _main(curves)
-    rest = [one for one in curves if one not in main]
-    verb = "straighten" if all(abs(after) <= curve.angle for curve, after in curves) else "change"
-    text = (
-        f"The operation is planned to {verb} the main curve{'s' * (len(main) > 1)} of the spine {_listed(main)}."
-    )
-    if rest:
-        verb = "s go" if len(rest) > 1 else " goes"
-        text += f" The smaller curve{verb} {_listed(rest)}."
-    return text
-
-
-def _listed(curves: Followed) -> str:
+def _listed(curves: Sequence[tuple[CobbAngle, Measured]]) -> str:
     """The Cobb angles of each curve before and after."""
-    each = [
-        _minus(f"from {curve.angle:.0f} to {after:.0f} degrees ({_ends(curve)}, to the {curve.convex})")
-        for curve, after in curves
-    ]
-    return listed(each)
+    each = []
+    for curve, after in curves:
+        known = after.value is not None and is_known(QUANTITIES["cobb_deg"], after, curve.angle)
+        size = f"to {after.value:.0f} degrees" if known else f"degrees to an angle that is {NOT_KNOWN}"
+        each.append(f"from {curve.angle:.0f} {size} ({curve.upper} to {curve.lower}, to the {curve.convex})")
+    return minus(listed(each))
 
 
 def listed(words: Sequence[str]) -> str:
@@ -230,85 +152,89 @@ def listed(words: Sequence[str]) -> str:
     return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
 
 
-def _change(table: MeasureTable, several: bool) -> str:
-    level = table.largest(BEFORE, "bsr_deg")
-    was, will = pair(table, "bsr_deg", level or "")
-    if level is None or was is None:
-        return "The rotation of the back could not be measured."
-    most = f"The rotation of the back is largest at vertebra {level}"
-    if will is None:
-        return f"{most}, {abs(was):.0f} degrees; the prediction could not be measured there."
-    text = f"{most}: {abs(will):.0f} degrees are predicted there instead of {abs(was):.0f}"
-    if was * will < 0.0 and abs(will) >= 0.5:
-        text = (
-            f"{most}: it is predicted to change from {abs(was):.0f} degrees with the {_side(was)} side further "
-            f"back to {abs(will):.0f} degrees with the {_side(will)} side further back"
-        )
-    lower = table.place("lumbar_bsr_deg") or ""
-    if several and level.startswith("T") and (lumbar := known(table, "lumbar_bsr_deg", lower)):
-        text += f", and at {lower} in the lower back {abs(lumbar[1]):.0f} instead of {abs(lumbar[0]):.0f}"
-    return f"{text}."
-
-
-def _bearing(table: MeasureTable) -> str:
-    """Shoulders, waist, balance and height; empty where none is known."""
+def _groups(shown: Sequence[Headline]) -> str:
+    """The headlines of the back by their word, in one sentence."""
     parts = []
-    if shoulders := known(table, "shoulder_difference_mm"):
-        was, will = map(_higher, shoulders)
-        parts.append(f"the shoulders differ in height by {will} instead of {was}")
-    left, right = known(table, "waist_depth_left_mm"), known(table, "waist_depth_right_mm")
-    if left and right:
-        was, will = map(_waist_height, pair(table, "waist_height_mm"))
-        parts.append(
-            f"the waist is {left[1]:.0f} mm deep on the left and {right[1]:.0f} on the right instead of "
-            f"{left[0]:.0f} and {right[0]:.0f}, and {will} instead of {was}"
-        )
-    if shift := known(table, "trunk_shift_mm"):
-        was, will = map(_beside, shift)
-        parts.append(f"the top of the spine stands {will} instead of {was}")
-    if (height := known(table, "spine_height_mm")) and abs(gained := height[1] - height[0]) >= 0.5:
-        parts.append(f"the spine is {abs(gained):.0f} mm {'taller' if gained > 0.0 else 'shorter'}")
-    return " ".join(f"{part[:1].upper()}{part[1:]}." for part in parts)
+    for word, text in _WORDS.items():
+        nouns = [_SUBJECTS[one.key] for one in shown if one.word == word and one.key in _SUBJECTS]
+        parts += [f"{text.lower() if parts else text}: {listed(nouns)}"] if nouns else []
+    return f"{'; '.join(parts)}." if parts else "The back could not be measured."
 
 
-def _waist_height(height: float | None) -> str:
-    if height is None or abs(height) < 0.5:
-        return "level"
-    return f"{abs(height):.0f} mm higher on the {_side(height)}"
+def _waist_and_hump(shown: Sequence[Headline]) -> str:
+    """The change of waist and hump, as far as that is known."""
+    known = {one.key: one for one in shown if one.is_known}
+    parts = []
+    for key, words in (("waist_height_mm", "higher"), ("waist_depth_mm", "deeper")):
+        if one := known.get(key):
+            parts.append(f"{_more(one.value, words)} instead of {_more(one.before, words)}")
+    text = [f"the waist is {listed(parts)}"] if parts else []
+    if hump := known.get("main_hump_mm"):
+        now, before = map(_on_side, (hump.value, hump.before))
+        larger = f", {hump.note}" if hump.note else ""
+        text.append(f"the hump at {hump.level} is {now} instead of {before}{larger}")
+    return _sentence(text)
+
+
+def _upright(shown: Sequence[Headline]) -> str:
+    """The change of shoulders and balance, as far as that is known."""
+    known = {one.key: one for one in shown if one.is_known}
+    text = []
+    if one := known.get("shoulder_difference_mm"):
+        text.append(f"the shoulders differ in height by {_higher(one.value)} instead of {_higher(one.before)}")
+    if one := known.get("trunk_shift_mm"):
+        place = _beside(one.value)
+        same = one.fixed and round(one.value) == round(one.before)
+        text.append(
+            f"the top of the spine stays {place}, {one.fixed}" if same
+            else f"the top of the spine stands {place} instead of {_beside(one.before)}"
+        )  # fmt: skip
+    return _sentence(text)
+
+
+def _sentence(parts: Sequence[str]) -> str:
+    text = "; ".join(parts)
+    return f"{text[:1].upper()}{text[1:]}." if text else ""
+
+
+def _more(difference: float, words: str) -> str:
+    """A difference of the sides of the waist."""
+    if abs(difference) < 0.5:
+        return "level" if words == "higher" else "as deep on both sides"
+    return f"{abs(difference):.0f} mm {words} on the {side_of(difference)}"
+
+
+def _on_side(size: float) -> str:
+    """A size with its side in brackets."""
+    return f"{abs(size):.0f} mm" + (f" ({side_of(size)})" if abs(size) >= 0.5 else "")
 
 
 def _beside(shift: float) -> str:
-    place = "over the middle of the pelvis"
-    return place if abs(shift) < 0.5 else f"{abs(shift):.0f} mm to the {_side(shift)} of the middle of the pelvis"
+    middle = "the middle of the pelvis"
+    return f"over {middle}" if abs(shift) < 0.5 else f"{abs(shift):.0f} mm to the {side_of(shift)} of {middle}"
 
 
 def _higher(difference: float) -> str:
-    side = "" if abs(difference) < 0.5 else f" (the {_side(difference)} one higher)"
+    side = "" if abs(difference) < 0.5 else f" (the {side_of(difference)} one higher)"
     return f"{abs(difference):.0f} mm{side}"
 
 
 def _rest(table: MeasureTable) -> str:
-    level = table.largest(PREDICTED, "bsr_deg")
-    was, angle = pair(table, "bsr_deg", level or "")
-    if level is None or angle is None:
+    """The rotation that is left."""
+    level = table.largest(PREDICTED, "bsr_deg") or ""
+    row, was = table.row(PREDICTED, "bsr_deg", level), table.value(BEFORE, "bsr_deg", level)
+    if row is None or row.value is None:
         return "The rotation of the predicted back could not be measured."
-    if abs(angle) < DETECTABLE:
+    if not is_known(QUANTITIES["bsr_deg"], row, was):
+        return "How far the back is still turned is not known."
+    if abs(row.value) < DETECTABLE:
         return (
-            f"The predicted rotation of the back is below {DETECTABLE:g} degrees at every vertebra, the smallest "
-            "difference that such measurements can detect."
+            f"The predicted rotation of the back is below {DETECTABLE:g} degrees at every vertebra from T3 down, "
+            "the smallest difference that such measurements can detect."
         )
-    place = table.place("main_hump_mm") or ""
-    hump = known(table, "main_hump_mm", place)
-    verb = "still stands" if was is not None and abs(was) >= 0.5 and was * angle > 0.0 else "then stands"
-    text = (
-        f"The {_side(angle)} side of the back {verb} further back, by {abs(angle):.0f} degrees at vertebra {level}"
-    )
-    if hump is None:
-        return f"{text}."
-    sizes, sides = [f"{abs(size):.0f}" for size in hump], [_side(size) for size in hump]
-    more = table.elsewhere(PREDICTED, "main_hump_mm")
-    now = "" if more is None else f"; it is then largest at {more.level}, {abs(more.value or 0.0):.0f} mm"
-    return f"{text}; the hump at {place} is {sizes[1]} mm ({sides[1]}) instead of {sizes[0]} ({sides[0]}){now}."
+    verb = "still stands" if was is not None and abs(was) >= 0.5 and was * row.value > 0.0 else "then stands"
+    size = f"{abs(row.value):.0f} degrees at vertebra {level}"
+    return f"The {side_of(row.value)} side of the back {verb} further back, by {size}."
 
 
 def _trust(comparison: SkinComparison | None) -> str:
@@ -324,10 +250,6 @@ def _trust(comparison: SkinComparison | None) -> str:
         f"degrees on average, {within} than the {DETECTABLE:g} degrees that such measurements can detect. "
         "One comparison says nothing about other patients."
     )
-
-
-def _side(angle: float) -> str:
-    return "right" if angle > 0.0 else "left"
 
 
 UNITS = {

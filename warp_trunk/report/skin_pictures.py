@@ -13,9 +13,9 @@ from matplotlib.patheffects import withStroke
 
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures.back_rotation import hump_top
-from warp_trunk.measures.levels import largest_at
-from warp_trunk.measures.quantities import Measured
+from warp_trunk.measures.quantities import QUANTITIES, Measured
 from warp_trunk.measures.skin_quality import LOOK, STRETCH, SkinChange
+from warp_trunk.measures.verdicts import NOT_KNOWN, is_known
 from warp_trunk.views.hump import COLOUR_STEP, Painted, hump_palette, scale_limit
 from warp_trunk.views.relief import BEHIND, FRONT, Relief, Viewpoint, Window, relief, seen_from, window
 
@@ -126,8 +126,11 @@ def shoulders_picture(poses: Sequence[TrunkState]) -> Figure | None:
             outer, inner = x + sign * found.outer, x + sign * found.inner
             axes.plot([outer, inner], [z + height] * 2, color=colour, linewidth=2.2)
             axes.plot([inner, x], [z + height] * 2, color=colour, linewidth=0.8, linestyle=":")
+        row, was = pose.main("shoulder_difference_mm"), poses[0].number("shoulder_difference_mm")
         difference, words = pose.number("shoulder_difference_mm") or 0.0, "level"
-        if abs(difference) >= 0.5:
+        if not is_known(QUANTITIES["shoulder_difference_mm"], row, was):
+            words = f"difference\n{NOT_KNOWN}"
+        elif abs(difference) >= 0.5:
             side = "right" if difference > 0.0 else "left"
             words = f"{side} shoulder\n{abs(difference):.0f} mm higher"
         axes.text(x, z - 0.55 * BUST, words, ha="center", va="center", fontsize=9, color=INK)
@@ -200,10 +203,9 @@ def hump_limit(poses: Sequence[TrunkState], painted: Sequence[Painted]) -> float
 
 
 def humps_of(pose: TrunkState) -> list[Measured]:
-    """The humps that are ringed: where the hump is largest before surgery, and where it is largest now."""
-    there = pose.main("main_hump_mm")
-    levels = dict.fromkeys([None if there is None else there.level, largest_at(pose.values("hump_mm"))])
-    return [row for level in levels if level and (row := pose.column("hump_mm").get(level)) and row.value]
+    """The humps that are ringed: where the hump is largest before surgery, and where it is larger now."""
+    rows = pose.main("main_hump_mm"), pose.table.elsewhere(pose.look.state, "main_hump_mm")
+    return [row for row in rows if row is not None and row.value]
 
 
 def hump_picture(

@@ -10,6 +10,8 @@ from matplotlib.patches import Polygon
 
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import unit
+from warp_trunk.measures.quantities import QUANTITIES
+from warp_trunk.measures.verdicts import NOT_KNOWN, is_known
 from warp_trunk.spine.spine import sacral_line, spine_of
 from warp_trunk.views.relief import BEHIND, RIGHT, Viewpoint, seen_from
 
@@ -51,18 +53,31 @@ def spine_picture(poses: Sequence[TrunkState], view: Viewpoint, fused: Sequence[
     figure, plots = panels(headings, extent, view, scale=50.0)
     for axes, pose, spine, joined in zip(plots, poses, placed, fused, strict=True):
         _plumb_lines(axes, pose, view, extent)
-        _vertebrae(axes, spine, pose.look.colour, joined)
+        _vertebrae(axes, spine, INK, joined)
         if view is BEHIND:
             for curve in poses[0].measures.cobb:
-                angle = pose.number("cobb_deg", curve.ends)
+                angle = _known(poses, pose, "cobb_deg", curve.ends)
                 hollow = 1.0 if curve.convex == "right" else -1.0  # x is positive to the patient's left
                 ends = curve.upper, curve.lower
                 _angle(axes, spine, ends, angle, hollow, -4.0 * hollow, size=11, weight="bold")
         elif view is RIGHT:
             for name, ends, hollow in (("kyphosis", ("T5", "T12"), -1.0), ("lordosis", ("L1", "L5"), 1.0)):
-                angle, named = pose.number(f"{name}_deg", "-".join(ends)), f"{name}\n{ends[0]} to {ends[1]}\n"
+                angle = _known(poses, pose, f"{name}_deg", "-".join(ends), fixed=bool(joined))
+                named = f"{name}\n{ends[0]} to {ends[1]}\n"
                 _angle(axes, spine, ends, angle, hollow, 3.0 * hollow, named, size=8.5)
     return figure
+
+
+def _known(
+    poses: Sequence[TrunkState], pose: TrunkState, key: str, level: str, *, fixed: bool = False
+) -> str | None:
+    """An angle as text, in words where its interval is wider than what it says and no plan fixes it; None where it
+    is missing."""
+    row, was = pose.column(key).get(level), poses[0].number(key, level)
+    if row is None or row.value is None:
+        return None
+    known = fixed or pose is poses[0] or is_known(QUANTITIES[key], row, was)
+    return f"{row.value:.0f}°" if known else NOT_KNOWN
 
 
 def _vertebrae(axes: Axes, spine: Boxes, colour: str, fused: Sequence[str]) -> None:
@@ -103,7 +118,7 @@ def _angle(
     axes: Axes,
     spine: Boxes,
     ends: tuple[str, str],
-    angle: float | None,
+    angle: str | None,
     hollow: float,
     aside: float,
     named: str = "",
@@ -116,7 +131,7 @@ def _angle(
     tips = [_across(axes, spine[end][0][:, [0, 2]], ring, hollow) for end, ring in zip(ends, rings, strict=True)]
     x, z = np.mean(tips, axis=0)
     align = "left" if aside < 0.0 else "right"
-    axes.text(x + aside, z, f"{named}{angle:.0f}°", ha=align, va="center", color=INK, **words)
+    axes.text(x + aside, z, f"{named}{angle}", ha=align, va="center", color=INK, **words)
 
 
 def _across(axes: Axes, corners: np.ndarray, ring: slice, hollow: float) -> np.ndarray:

@@ -103,12 +103,8 @@ class TrunkState:
         return self.table.column(self.look.state, quantity)
 
     def main(self, quantity: str) -> Measured | None:
-        """The row of a maximum, at the place that it has before surgery; None where it is missing."""
+        """The row of a quantity that is measured at one place; None where it is missing."""
         return next(iter(self.column(quantity).values()), None)
-
-    def values(self, quantity: str) -> dict[str, float | None]:
-        """The values of a quantity by level."""
-        return self.table.values(self.look.state, quantity)
 
     def number(self, quantity: str, level: str = "") -> float | None:
         """A single value; None where it is missing."""

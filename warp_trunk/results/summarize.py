@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import datetime
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -116,6 +117,7 @@ def result_of(
         skin_quality=quality,
         bands=None if found is None else found.bands,
         springs=_springs(model, last.energy),
+        day=datetime.date.today().isoformat(),
         synthetic=case.study.synthetic,
         points=follow_points(case, skin.vertices, motion_of),
         invented=case.invented,

@@ -147,6 +147,8 @@ class Summary:
     """Reasons to doubt the result, a sentence each."""
     skin_quality: SkinQuality | None = None
     """Worst stretch and fold of the predicted skin."""
+    day: str = ""
+    """Day on which it was simulated, such as 2026-11-28."""
     synthetic: bool = False
     """Whether the trunk is synthetic."""
     bands: Bands | None = None

@@ -23,6 +23,7 @@ from warp_trunk.errors import InputError, expect
 from warp_trunk.io.atomic_write import partial
 from warp_trunk.io.folders import locked, removed_if_empty
 from warp_trunk.io.result_files import RECORDING
+from warp_trunk.measures.quantities import BEFORE, PREDICTED, MeasureTable
 from warp_trunk.measures.skin_quality import skin_quality
 from warp_trunk.recording import Recording, load_rerun, start_viewer
 from warp_trunk.results import Result, prepare_folder, result_of, write_result
@@ -34,7 +35,15 @@ from .patient import PreparedPatient, layers_from, motions_of, patient_of
 from .prediction import Observer, Prediction, prepare, prepare_plan
 from .progress import Progress
 from .unread_options import given_in, refuse_unread
-from .warnings import check_size, curve_warnings, ending_warnings, endplate_warnings, option_warnings
+from .warnings import (
+    alignment_warnings,
+    check_size,
+    curve_warnings,
+    ending_warnings,
+    endplate_warnings,
+    flexibility_warnings,
+    option_warnings,
+)
 
 if TYPE_CHECKING:
     from warp_trunk.engine.simulation import Increment
@@ -213,6 +222,7 @@ class _Simulator:
             *(check_case(case) if checked is None else checked),
             *curve_warnings(before, after, case.study.pose),
             *endplate_warnings(before, after),
+            *flexibility_warnings(case),
         ]
         if options.bones == "follow" and case.landmarks_after is not None:
             found += unknown_bones(case.bones)
@@ -260,6 +270,8 @@ class _Simulator:
             trunk = prediction.trunk  # some nodes may have come off the bones
             after = prediction.measures_at(prediction.last)
             quality = skin_quality(case.skin, prediction.skin, case.landmarks_before, case.bones)
+            if case.study.pose == "surgery":
+                warnings += alignment_warnings(MeasureTable.of({BEFORE: before, PREDICTED: after}))
             warnings += ending_warnings(prediction.last.relaxation, held, folded_tissue(trunk, prediction.path))
             found = _bands(prediction, progress)
             if recording is not None:

@@ -5,17 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+from warp_trunk.bone_motion.plan.planner import bending_films, flexibility_of
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.errors import InputError
+from warp_trunk.measures.number_text import sided
+from warp_trunk.measures.quantities import BEFORE, PREDICTED, QUANTITIES
 from warp_trunk.spine import cobb_angles
+from warp_trunk.spine.cobb import curves_after
 from warp_trunk.spine.spine import spine_of
 from warp_trunk.system import usable_memory
 
 if TYPE_CHECKING:
+    from warp_trunk.case import Case
     from warp_trunk.case.case import Pose
     from warp_trunk.case.landmarks import Landmarks
     from warp_trunk.engine.relaxation import Relaxation
     from warp_trunk.engine.tissue import Tissue
+    from warp_trunk.measures.quantities import MeasureTable
 
 
 USUAL_TISSUE = {"youngs_modulus": (0.5, 500.0, "kPa"), "density": (800.0, 1200.0, "kg/m3")}
@@ -52,6 +58,60 @@ def endplate_warnings(before: Landmarks, after: Landmarks) -> list[str]:
         f"landmarks: the endplates are off a smooth line by {rough} surgery (each axis), because of their errors; "
         "Cobb angles are those of the line."
     ]
+
+
+SHIFTED = 20.0
+"""A trunk further beside the sacrum than this is out of balance [mm] (Scoliosis Research Society)."""
+KYPHOSIS = (10.0, 40.0)
+"""Normal kyphosis from T5 to T12 [degrees], as the Lenke classification grades it."""
+
+
+def alignment_warnings(table: MeasureTable) -> list[str]:
+    """A sentence for each state after surgery that a surgeon avoids, from the numbers before and predicted.
+
+    These are a coronal shift, shoulders that reverse, an apex on the other side of its line, and a kyphosis out of
+    the normal range. Shoulders and apices are only counted where both sides can be seen.
+    """
+    sentences = []
+
+    def reverses(quantity: str, level: str = "") -> tuple[float, float] | None:
+        was, will = (table.value(state, quantity, level) or 0.0 for state in (BEFORE, PREDICTED))
+        seen = min(abs(was), abs(will)) >= QUANTITIES[quantity].detectable
+        return (was, will) if seen and was * will < 0.0 else None
+
+    shift = table.value(PREDICTED, "trunk_shift_mm") or 0.0
+    if abs(shift) > SHIFTED:
+        beside = sided(shift, " mm")
+        sentences.append(f"Balance: the top of the spine ends {beside} of the sacrum, more than {SHIFTED:g} mm.")
+    if both := reverses("shoulder_difference_mm"):
+        was, will = (sided(one, " mm") for one in both)
+        sentences.append(f"Shoulders: the higher one changes, from {was} to {will}.")
+    for level in table.column(PREDICTED, "apical_translation_mm"):
+        if both := reverses("apical_translation_mm", level):
+            was, will = (sided(one, " mm") for one in both)
+            sentences.append(f"Apex {level}: goes across the midline, from {was} to {will}.")
+    kyphosis = table.value(PREDICTED, "kyphosis_deg", "T5-T12")
+    if kyphosis is not None and not KYPHOSIS[0] <= kyphosis <= KYPHOSIS[1]:
+        least, most = KYPHOSIS
+        sentences.append(f"Kyphosis T5 to T12: ends at {kyphosis:.0f} degrees, {least:g} to {most:g} is normal.")
+    return sentences
+
+
+def flexibility_warnings(case: Case) -> list[str]:
+    """A sentence for each curve that is corrected further than it bent out on films, by more than `GROWN`."""
+    films = bending_films(case)
+    curves = cobb_angles(case.landmarks_before) if films else ()
+    bent_out = flexibility_of(curves, films)
+    sentences = []
+    for curve, after in zip(curves, curves_after(curves, case.planned_landmarks), strict=True):
+        share = bent_out.get(curve.apex)
+        if share is None or after is None or after >= (1.0 - share) * curve.angle - GROWN:
+            continue
+        sentences.append(
+            f"Curve {curve.upper} to {curve.lower}: is corrected to {after:.0f} degrees, on the films of side "
+            f"bending to {(1.0 - share) * curve.angle:.0f}."
+        )
+    return sentences
 
 
 def option_warnings(tissues: Iterable[Tissue], gravity: float) -> list[str]:

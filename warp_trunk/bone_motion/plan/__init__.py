@@ -3,7 +3,7 @@
 from .plan_file import plan_of_text, plan_text, read_plan, write_plan
 from .planner import Planner, plan_surgery
 from .record import CurvePlan, Plan, fused_levels, plan_words
-from .surgery import CurveMotion, PlannedSurgery, VertebraMotion
+from .surgery import CurveMotion, PlannedSurgery, VertebraMotion, fixed_numbers, planned_curves
 
 __all__ = [
     "CurveMotion",
@@ -12,11 +12,13 @@ __all__ = [
     "PlannedSurgery",
     "Planner",
     "VertebraMotion",
+    "fixed_numbers",
     "fused_levels",
     "plan_of_text",
     "plan_surgery",
     "plan_text",
     "plan_words",
+    "planned_curves",
     "read_plan",
     "write_plan",
 ]

@@ -11,13 +11,44 @@ from warp_trunk.measures.measures import measure_spine
 from warp_trunk.measures.quantities import BEFORE, PREDICTED, MeasureTable
 from warp_trunk.measures.rows import MeasureRow, as_text, skin_rows, spine_rows, under_headings
 
+from .targets import curve_around
+
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from warp_trunk.case import Case
     from warp_trunk.case.landmarks import Landmarks
     from warp_trunk.measures import TrunkMeasures
     from warp_trunk.spine.cobb import CobbAngle
 
     from .record import Plan
+
+
+HELD, SET = "held by the plan", "set by the plan"
+"""Words for numbers that follow from the plan alone, in place of an interval."""
+
+
+def fixed_numbers(plan: Plan) -> dict[tuple[str, str], str]:
+    """The numbers that a plan fixes whatever its curves ask for, by quantity and level: as they are before
+    surgery (`HELD`), or at another value (`SET`)."""
+    return {
+        ("trunk_shift_mm", ""): HELD if plan.balance == "keep" else SET,
+        ("trunk_shift_forward_mm", ""): HELD if plan.sva_after is None else SET,
+        ("kyphosis_deg", "T5-T12"): HELD if plan.kyphosis_T5_T12 is None else SET,
+        ("lordosis_deg", "L1-L5"): HELD if plan.lordosis_L1_L5 is None else SET,
+    }
+
+
+def planned_curves(plan: Plan, curves: Sequence[CobbAngle], levels: Sequence[str]) -> set[CobbAngle]:
+    """The curves of a spine that a plan asks something of; the others follow.
+
+    Args:
+        plan: the plan.
+        curves: those before surgery.
+        levels: the vertebrae, top to bottom.
+    """
+    asked = (curve_around(curve.apex, curves, levels) for curve in plan.curves)
+    return {curve for curve in asked if curve is not None}
 
 
 @dataclass(frozen=True)
