@@ -19,6 +19,7 @@ from warp_trunk.measures.derivatives import (
     hump_derivative,
     rotation_derivative,
     shoulder_derivative,
+    slope_derivative,
 )
 from warp_trunk.measures.quantities import QUANTITIES, measured
 
@@ -137,6 +138,14 @@ def test_hump(level: str) -> None:
     tangent = there(back_surface_rotation(skin, landmarks)[level])
     found = there(hump_derivative(skin, landmarks, level, tangent))
     agree(differs(lambda m: m.hump_height[level], found, skin, landmarks))
+
+
+@pytest.mark.parametrize("level", ["T8", "L2"])
+def test_slope(level: str) -> None:
+    skin, landmarks = rough(), turned_pelvis(5.0)
+    found = there(slope_derivative(skin, landmarks, level))
+    assert found.value == pytest.approx(measure(skin, landmarks).slopes[level], abs=1e-9)
+    agree(differs(lambda m: m.slopes[level], found, skin, landmarks))
 
 
 def test_shoulders() -> None:

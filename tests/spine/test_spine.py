@@ -313,7 +313,16 @@ def test_depth_and_height_of_each_side_are_those_of_its_notch():
     assert found.left_height == pytest.approx(60.0, abs=4.0)
     assert found.right_height == pytest.approx(84.0, abs=4.0)
     assert found.height_difference == pytest.approx(24.0, abs=8.0)
+    wide = 300.0 - 30.0 - 12.0
+    assert found.height_angle == pytest.approx(math.degrees(math.atan2(24.0, wide)), abs=1.8)
+    angles = [2.0 * math.degrees(math.atan2(60.0, depth)) for depth in (found.left_depth, found.right_depth)]
+    assert (found.left_angle, found.right_angle) == pytest.approx(angles, abs=3.0)
+    assert found.angle_ratio == pytest.approx(100.0 * found.right_angle / found.left_angle)
+    assert found.angle_ratio > 110.0
+    assert found.depth_ratio == pytest.approx(100.0 * 30.0 / 12.0, rel=0.2)
     mirrored = there(measure(trunk((12.0, 30.0), (pelvis + 84.0, pelvis + 60.0)), spine).waist)
+    assert mirrored.height_angle == pytest.approx(-found.height_angle, abs=1e-6)
+    assert mirrored.angle_ratio * found.angle_ratio == pytest.approx(1e4)
     assert mirrored.depth_difference == pytest.approx(-found.depth_difference, abs=1e-6)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -11,20 +10,19 @@ import numpy as np
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.scanned_points import surface_of_points, without_bumps
-from warp_trunk.geometry.section import last_crossing, pieces
+from warp_trunk.geometry.section import pieces
 from warp_trunk.spine.spine import spine_of
 
 from .back_rotation import DualTangent, tangent_of
 from .markers import BackMarkers, back_markers
-from .quantities import Measured
+from .quantities import WIDTH, Measured
 from .rows import as_text
+from .scoliometer import BENT_SD, BESIDE, beside, forward_bend, pedicle_turns, slope_between, spinous_place
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
     from warp_trunk.geometry.surface import Surface
 
-BESIDE = {"T": 45.0, "L": 35.0}
-"""How far beside the spine a scoliometer lies on the back, thoracic and lumbar [mm]."""
 TURN = 0.5
 """Turn of a vertebra for its sideways way from the line between T1 and L5 [degrees/mm]: 0.44 to 0.50 from the
 spinous line against the body line of 30 patients at T8 to L2 (r 0.82 to 0.84), 0.5 to 0.6 of spines from CT."""
@@ -79,29 +77,34 @@ class BackMeasures:
         return "\n".join([
             f"Rotation of the back against the axis of the {self.pelvis}, from the {self.spine}{heights}.",
             "",
-            as_text(["level", "height [mm]", "dual tangent [°]", "slope [°]"], [
+            as_text(["level", "height [mm]", "dual tangent [°]", "slope [°]", "bent [°]"], [
                 [level, *("–" if value is None else f"{value:+z.1f}" for value in row)]
                 for level, *row in self.rows()
             ]),
             "Positive: the right side stands further back. The slope is that of a scoliometer on the standing "
             f"back, {BESIDE['T']:g} mm to both sides of the spine, {BESIDE['L']:g} mm below T12"
             + ("; its error is about 2 degrees, because the spinous processes are not known."
-               if self.spine == "body line" else "."),
+               if self.spine == "body line" else ".")
+            + " Bent: the slope in the forward bend in the mean; 95 % of patients are within "
+            f"{WIDTH * BENT_SD:.0f} degrees of it.",
         ])  # fmt: skip
 
     def measured(self) -> list[Measured]:
         """The measures as rows of the state `back`."""
-        names = ("height_mm", "bsr_deg", "slope_deg")
+        names = ("height_mm", "bsr_deg", "atr_deg", "forward_bend_deg")
         return [
             Measured("back", level, name, value)
             for level, *values in self.rows()
             for name, value in zip(names, values, strict=True)
         ]
 
-    def rows(self) -> list[tuple[str, float | None, float | None, float | None]]:
-        """Level, height [mm], rotation and slope [degrees]."""
+    def rows(self) -> list[tuple[str, float | None, float | None, float | None, float | None]]:
+        """Level, height [mm], rotation, slope, and slope in the forward bend [degrees]."""
+        bent = forward_bend({name: one and one.slope for name, one in self.levels.items()})
         return [
-            (name, None, None, None) if one is None else (name, one.height, one.rotation, one.slope)
+            (name, None, None, None, None)
+            if one is None
+            else (name, one.height, one.rotation, one.slope, bent.get(name))
             for name, one in self.levels.items()
         ]
 
@@ -146,11 +149,10 @@ def measure_back(
     else:
         found = spine_of(spine)
         levels, centres, kind = found.levels, found.centroids, "landmarks"
-        between = found.pedicles[:, 0, :2] - found.pedicles[:, 1, :2]
-        turns = np.nan_to_num(np.arctan2(between @ behind, between @ across))
+        turns = pedicle_turns(found, across)
     cuts = [_piece(surface, centre) for centre in centres]
     places = [
-        None if cut is None else last_crossing(cut, centre[:2], behind - math.tan(turn) * across)
+        None if cut is None else spinous_place(cut, centre[:2], across, turn)
         for cut, centre, turn in zip(cuts, centres, turns, strict=True)
     ]
     if kind == "body line":
@@ -164,7 +166,8 @@ def measure_back(
         measured[level] = None
         if cut is not None and place is not None:
             tangent = tangent_of(cut.reshape(-1, 2), centre, across)
-            slope = _slope(cut, place, across, BESIDE[level[0]])
+            ends = beside(cut, place, across, level)
+            slope = None if ends is None else slope_between(ends, across)
             measured[level] = BackLevel(float(centre[2]), place, tangent, slope)
     return BackMeasures(marks.pair.upper(), kind, measured)
 
@@ -205,12 +208,3 @@ def _piece(surface: Surface, centre: np.ndarray) -> np.ndarray | None:
     found = pieces(surface, float(centre[2]))
     away = [np.linalg.norm(piece.reshape(-1, 2) - centre[:2], axis=1).min() for piece in found]
     return found[int(np.argmin(away))] if found else None
-
-
-def _slope(piece: np.ndarray, place: np.ndarray, across: np.ndarray, beside: float) -> float | None:
-    """Slope between the skin at both sides of a place [degrees], positive where the right one is further back."""
-    behind = np.array([-across[1], across[0]])
-    left, right = (last_crossing(piece, place + side * beside * across, behind) for side in (1.0, -1.0))
-    if left is None or right is None:
-        return None
-    return math.degrees(math.atan2((right - left) @ behind, 2.0 * beside))

@@ -6,24 +6,24 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.section import at_height, section, trunk_loop, turn
 from warp_trunk.geometry.surface import Surface, compact
 from warp_trunk.spine.spine import asis_axis, spine_of
 
 from .back_rotation import DualTangent, contacts_beside, find_contacts, hump_height, hump_top, tangent_of
 from .outlines import DEEP, shoulder_heights, upper_outline
+from .scoliometer import pedicle_turns, scoliometer_on, slope_between
 
-if TYPE_CHECKING:
-    from warp_trunk.case.landmarks import Landmarks
-
-Number = Callable[[Surface, "Landmarks"], float]
+Number = Callable[[Surface, Landmarks], float]
 """A number of a skin with its landmarks."""
 STEP = 1e-5
 """How far a vertex or landmark is moved [mm]."""
+_NEAREST = 8
+"""Edges of the section, each counted for both of its triangles, among which are those around a point."""
 _MARGIN = 1.0
 """Triangles this near to a plane [mm] stay those that matter as landmarks move."""
 
@@ -97,6 +97,38 @@ def hump_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent: Du
     return _by_differences(height, skin, landmarks, kept, edges[near].ravel(), rows)
 
 
+def slope_derivative(skin: Surface, landmarks: Landmarks, level: str) -> Derivative | None:
+    """The slope of the standing back at a level [degrees], and how it changes; None where it is missing.
+
+    Args:
+        skin: the surface that is measured [mm].
+        landmarks: those that go with it [mm].
+        level: the vertebra.
+    """
+    from scipy.spatial import KDTree  # heavy
+
+    rows = landmarks.rows_of(level)
+    kept, edges, cuts = _cut(skin, landmarks.points[rows, 2].mean())
+
+    def places(part: Surface, marks: Landmarks) -> np.ndarray | None:
+        own = spine_of(Landmarks(tuple(marks.names[row] for row in rows), marks.points[rows]))
+        across, centre = asis_axis(marks), own.centroids[0]
+        outline = trunk_loop(section(part, float(centre[2])), centre[:2])
+        turned = float(pedicle_turns(own, across)[0])
+        return None if outline is None else scoliometer_on(outline, centre[:2], across, turned, level)
+
+    found = places(skin, landmarks)
+    if found is None:
+        return None
+
+    def angle(part: Surface, marks: Landmarks) -> float:
+        ends = places(part, marks)
+        return np.nan if ends is None else slope_between(ends, asis_axis(marks))
+
+    near = np.unique(KDTree(cuts).query(found, k=min(_NEAREST, len(cuts)))[1])
+    return _by_differences(angle, skin, landmarks, kept, edges[near].ravel(), *([row] for row in rows))
+
+
 def shoulder_derivative(skin: Surface, landmarks: Landmarks) -> Derivative | None:
     """How much higher the right shoulder stands [mm], and how that changes; None where it is missing.
 
@@ -133,10 +165,10 @@ def _by_differences(
     landmarks: Landmarks,
     kept: np.ndarray,
     vertices: Sequence[int] | np.ndarray,
-    rows: Sequence[int],
+    *groups: Sequence[int],
 ) -> Derivative:
-    """Differences of a number of some triangles, in some vertices and the iliac spines, and in the landmarks of a
-    vertebra, of which the mean counts."""
+    """Differences of a number of some triangles, in some vertices and the iliac spines, and in groups of
+    landmarks, of each of which the mean counts."""
     part, used = compact(skin.vertices, skin.faces[kept]), np.unique(skin.faces[kept])
     found = Derivative(number(part, landmarks), np.zeros_like(skin.vertices), np.zeros_like(landmarks.points))
 
@@ -149,6 +181,6 @@ def _by_differences(
     for vertex, axis in product(np.unique(vertices).tolist(), range(3)):
         found.vertices[vertex, axis] = slope([int(np.searchsorted(used, vertex))], axis, part.vertices, True)
     spines = [landmarks.index(name) for name in ("asis_left", "asis_right")]
-    for together, axis in product([rows, spines[:1], spines[1:]], range(3)):
+    for together, axis in product([*groups, spines[:1], spines[1:]], range(3)):
         found.landmarks[together, axis] = slope(together, axis, landmarks.points, False) / len(together)
     return found

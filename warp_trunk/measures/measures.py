@@ -11,12 +11,22 @@ import numpy as np
 from warp_trunk.case.anatomy import LUMBAR, THORACIC
 from warp_trunk.errors import InputError, expect
 from warp_trunk.spine.apical import ApicalVertebra, apical_vertebrae, axial_rotation
-from warp_trunk.spine.cobb import CobbAngle, SpineHeight, curves_of, kyphosis, lordosis, spine_height
-from warp_trunk.spine.spine import SacralLine, Spine, TrunkShift, sacral_line, spine_of, trunk_shift
+from warp_trunk.spine.cobb import (
+    CobbAngle,
+    SpineHeight,
+    curves_of,
+    disc_angles_of,
+    kyphosis,
+    lordosis,
+    spine_height,
+    tilts_of,
+)
+from warp_trunk.spine.spine import SacralLine, Spine, TrunkShift, sacral_line, spine_of, trunk_length, trunk_shift
 
 from .back_rotation import DualTangent, hump_height, tangents_of
 from .levels import largest_at
 from .outlines import FlankAsymmetry, Shoulders, Waist, flank_asymmetry, outlines_of, shoulder_heights, waist_of
+from .scoliometer import slopes_of
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
@@ -45,6 +55,13 @@ class TrunkMeasures:
     """Height of the spine; None where its ends have no landmarks."""
     axial_rotation: dict[str, float | None]
     """Rotation of each vertebra against the pelvis [degrees], see `axial_rotation`."""
+    trunk_length: float | None
+    """Height of the spinous process of C7 over the posterior iliac spines [mm], see `trunk_length`; None where
+    missing."""
+    tilts: dict[str, float | None]
+    """Coronal tilt of each vertebra's axis [degrees], positive to the patient's right; None where missing."""
+    disc_angles: dict[str, float | None]
+    """Tilt of each vertebra against the next one below [degrees], likewise: the disc opens to the left."""
     trunk_shift: TrunkShift | None
     """Coronal and sagittal balance; None without landmarks of C7 or T1."""
     sacral_line: SacralLine | None
@@ -53,6 +70,9 @@ class TrunkMeasures:
     """Section of the trunk by vertebral level, top to bottom, x and y [mm]; None where it misses the trunk."""
     tangents: dict[str, DualTangent | None] = field(default_factory=dict)
     """Dual tangent of the back by level; None where the section is missing or no line touches both sides."""
+    slopes: dict[str, float | None] = field(default_factory=dict)
+    """Slope of the standing back by level [degrees], as a scoliometer shows it, see `slopes_of`; positive where
+    the right side stands further back, None where missing."""
     waist: Waist | None = None
     """Depth and height of the waist; None without T8, or where the skin ends above the hips."""
     shoulders: Shoulders | None = None
@@ -161,7 +181,15 @@ def measure(skin: Surface, landmarks: Landmarks, before: Surface | None = None) 
     missing |= found.missing
     if shoulders is None:
         missing["shoulders"] = "no skin on both sides of T1" if "T1" in spine.levels else "no landmarks of T1"
-    return replace(found, outlines=outlines, tangents=tangents, waist=waist, shoulders=shoulders, missing=missing)
+    return replace(
+        found,
+        outlines=outlines,
+        tangents=tangents,
+        slopes=slopes_of(outlines, spine, line.across),
+        waist=waist,
+        shoulders=shoulders,
+        missing=missing,
+    )
 
 
 def measure_spine(landmarks: Landmarks, expected_error: float = 0.0) -> TrunkMeasures:
@@ -177,7 +205,7 @@ def measure_spine(landmarks: Landmarks, expected_error: float = 0.0) -> TrunkMea
     spine = spine_of(landmarks, expected_error)
     line = sacral_line(landmarks) if landmarks.names else None
     rotation = {} if line is None else axial_rotation(spine, line.across)
-    curves = curves_of(spine)
+    curves, tilts = curves_of(spine), tilts_of(spine)
     found = TrunkMeasures(
         spine=spine,
         cobb=curves,
@@ -186,6 +214,9 @@ def measure_spine(landmarks: Landmarks, expected_error: float = 0.0) -> TrunkMea
         lordosis=lordosis(spine),
         spine_height=spine_height(spine),
         axial_rotation=rotation,
+        trunk_length=None if line is None else trunk_length(landmarks, spine),
+        tilts=tilts,
+        disc_angles=disc_angles_of(tilts),
         trunk_shift=None if line is None else trunk_shift(spine, line),
         sacral_line=line,
     )

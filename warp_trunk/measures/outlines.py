@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -95,6 +96,23 @@ class Waist:
     deepest point alone jumps along a long hollow."""
     right_height: float
     """The same on the right [mm]."""
+    left_angle: float
+    """Angle at the deepest point on the left between the lines that touch chest and hip [degrees]."""
+    right_angle: float
+    """The same on the right [degrees]."""
+    height_angle: float
+    """Angle of the line between both hollows, at their heights, against the horizontal [degrees], positive where
+    the right one is higher."""
+
+    @property
+    def angle_ratio(self) -> float:
+        """Waist angle ratio: the right angle over the left one [%]."""
+        return 100.0 * self.right_angle / self.left_angle
+
+    @property
+    def depth_ratio(self) -> float | None:
+        """Waistline depth ratio: the left depth over the right one [%]; None without a right waist."""
+        return 100.0 * self.left_depth / self.right_depth if self.right_depth > 0.0 else None
 
     @property
     def depth_difference(self) -> float:
@@ -113,7 +131,11 @@ def waist_of(skin: Surface, spine: Spine, line: SacralLine, pelvis: float) -> Wa
     The outline is that of the silhouette from behind: at each height the skin furthest along the pelvis' axis.
     The line that touches chest and hip is the edge of the outline's convex hull, so that no point of either has to
     be chosen. Differences of the heights and the depths of both sides are two of the six parts of POTSI, the
-    posterior trunk symmetry index (Suzuki et al., Stud Health Technol Inform 1999, 59:81), in millimetres.
+    posterior trunk symmetry index (Suzuki et al., Stud Health Technol Inform 1999, 59:81), in millimetres. Waist
+    angles and height angle are those of photographs (Matamalas et al., Eur Spine J 2016, 25:3170), with chest and
+    hip where lines from the deepest point touch them. Their ratio is right over left and that of the depths left
+    over right: both are then below 1 in lumbar curves to the left, as published (Spine Deform 2024, PMID 38526692,
+    whose abstract leaves the sides open).
 
     Args:
         skin: the skin, its arms cut off or raised [mm].
@@ -149,7 +171,29 @@ def waist_of(skin: Surface, spine: Spine, line: SacralLine, pelvis: float) -> Wa
     gaps = np.transpose([np.interp(heights, heights[hull], width[hull]) - width for width, hull in hulls])
     weights = np.square(gaps).sum(axis=0)
     left, right = np.divide((heights - pelvis) @ np.square(gaps), weights, out=np.zeros(2), where=weights > 0.0)
-    return Waist(float(gaps[:, 0].max()), float(gaps[:, 1].max()), float(left), float(right))
+    deepest = gaps.argmax(axis=0)
+    angles = [_angle_at(int(row), heights, width) for row, width in zip(deepest, widths, strict=True)]
+    rows = np.arange(2), deepest
+    apart = float(widths[rows].sum())
+    return Waist(
+        left_depth=float(gaps[:, 0].max()),
+        right_depth=float(gaps[:, 1].max()),
+        left_height=float(left),
+        right_height=float(right),
+        left_angle=angles[0],
+        right_angle=angles[1],
+        height_angle=math.degrees(math.atan2(right - left, apart)),
+    )
+
+
+def _angle_at(row: int, heights: np.ndarray, widths: np.ndarray) -> float:
+    """Angle at a point of an outline between the lines that touch it above and below [degrees]; 180 at an end."""
+    others = np.arange(len(heights)) != row
+    rise = (widths[others] - widths[row]) / np.abs(heights[others] - heights[row])
+    sides = rise[:row], rise[row:]
+    if not all(map(len, sides)):
+        return 180.0
+    return 180.0 - sum(math.degrees(math.atan(float(side.max()))) for side in sides)
 
 
 DEEP = 100.0
@@ -173,6 +217,12 @@ class Shoulders:
     """Where the heights were taken: from this distance beside T1 [mm] ..."""
     outer: float
     """... to this one [mm]."""
+
+    @property
+    def angle(self) -> float:
+        """Angle of the line over both shoulders against the horizontal [degrees], positive where the right one
+        stands higher."""
+        return math.degrees(math.atan2(self.difference, self.inner + self.outer))
 
     @property
     def difference(self) -> float:

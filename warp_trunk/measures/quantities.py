@@ -13,6 +13,7 @@ from warp_trunk.spine.apical import apical_vertebrae
 from warp_trunk.spine.cobb import angles_between
 
 from .levels import JUDGED, Values, largest_at
+from .scoliometer import forward_bend
 
 if TYPE_CHECKING:
     from .measures import TrunkMeasures
@@ -121,8 +122,17 @@ _BSR = "Rotation of the back (BSR)"
 _DEFINED = (
     Quantity(key="bsr_deg", label=f"{_BSR} at {{level}}", unit="°", side=True, detectable=DETECTABLE, **_LEVEL,
              of_skin=True, function=lambda m, _: m.bsr),
+    Quantity(key="atr_deg", label="Scoliometer on the standing back at {level}", unit="°", side=True,
+             detectable=SPINE_ANGLE, **_LEVEL, of_skin=True, function=lambda m, _: m.slopes),
+    Quantity(key="forward_bend_deg", label="Scoliometer in the forward bend at {level}, in the mean", unit="°",
+             side=True, detectable=SPINE_ANGLE, **_LEVEL, of_skin=True,
+             function=lambda m, _: forward_bend(m.slopes)),
     Quantity(key="axial_rotation_deg", label="Rotation of the vertebra {level}", unit="°", side=True,
              detectable=SPINE_ANGLE, **_LEVEL, function=lambda m, _: m.axial_rotation),
+    Quantity(key="tilt_deg", label="Tilt of {level} from the front", unit="°", side=True,
+             detectable=SPINE_ANGLE, **_LEVEL, function=lambda m, _: m.tilts),
+    Quantity(key="disc_angle_deg", label="Tilt of {level} against the next vertebra", unit="°", side=True,
+             detectable=SPINE_ANGLE, **_LEVEL, function=lambda m, _: m.disc_angles),
     Quantity(key="hump_mm", label="Hump at {level}", unit="mm", side=True, **_LEVEL, of_skin=True,
              function=lambda m, _: m.hump_height),
     Quantity(key="left_flank_mm", label="Width to the left at {level}", unit="mm", **_LEVEL, of_skin=True,
@@ -149,6 +159,16 @@ _DEFINED = (
     Quantity(key="lumbar_bsr_deg", label="Rotation of the lower back (BSR) at {level}", unit="°",
              side=True, detectable=DETECTABLE, short="rotation of the lower back at {level}", **_BACK,
              **_largest("bsr_deg", LUMBAR)),
+    Quantity(key="main_atr_deg", label="Scoliometer on the standing back at {level}", unit="°", side=True,
+             detectable=SPINE_ANGLE, **_BACK, **_largest("atr_deg")),
+    Quantity(key="clavicle_angle_deg", label="Angle of the shoulders", unit="°", side=True,
+             detectable=DETECTABLE, **_BACK, function=lambda m, _: {"": m.shoulders and m.shoulders.angle}),
+    Quantity(key="waist_height_angle_deg", label="Waist height angle", unit="°", side=True,
+             detectable=DETECTABLE, **_BACK, function=lambda m, _: {"": m.waist and m.waist.height_angle}),
+    Quantity(key="waist_angle_ratio_percent", label="Waist angle ratio, right over left", unit="%", **_BACK,
+             function=lambda m, _: {"": m.waist and m.waist.angle_ratio}),
+    Quantity(key="waistline_depth_ratio_percent", label="Waistline depth ratio, left over right", unit="%",
+             detectable=20.0, **_BACK, function=lambda m, _: {"": m.waist and m.waist.depth_ratio}),
     Quantity(key="skin_change_max_mm", label="Movement of the skin, largest", unit="mm", **_BACK,
              function=lambda m, _: {"": m.skin_change_max}),
     Quantity(key="skin_change_mean_mm", label="Movement of the skin, mean", unit="mm", **_BACK,
@@ -164,6 +184,10 @@ _DEFINED = (
              short="balance to the side", function=lambda m, _: {"": m.trunk_shift and m.trunk_shift.lateral}),
     Quantity(key="trunk_shift_forward_mm", label="Top of the spine in front of the sacrum", unit="mm", **_SPINE,
              function=lambda m, _: {"": m.trunk_shift and m.trunk_shift.forward}),
+    Quantity(key="t1_tilt_deg", label="Tilt of T1", unit="°", side=True, detectable=SPINE_ANGLE, **_SPINE,
+             function=lambda m, _: {"": m.tilts.get("T1")}),
+    Quantity(key="trunk_length_mm", label="Length of the trunk, C7 to the iliac spines", unit="mm", **_SPINE,
+             function=lambda m, _: {"": m.trunk_length}),
     Quantity(key="kyphosis_deg", label="Kyphosis {ends}", unit="°", detectable=SPINE_ANGLE, short="kyphosis",
              short_at="T5-T12", **_SPINE, function=lambda m, _: m.kyphosis),
     Quantity(key="lordosis_deg", label="Lordosis {ends}", unit="°", detectable=SPINE_ANGLE, short="lordosis",

@@ -22,6 +22,7 @@ from warp_trunk.geometry.spline import spline_response
 from warp_trunk.geometry.surface import vertex_normals
 from warp_trunk.measures.measures import measure_spine
 from warp_trunk.measures.quantities import BEFORE, EXACT, LIKELY, PREDICTED, QUANTITIES, Measured, quantities_of
+from warp_trunk.measures.scoliometer import BENT_SD, forward_bend
 from warp_trunk.results.bands import Bands, BandSource, Effects, FoundBands
 
 from .draws import Draws, draw_errors, linearity, skin_deviation
@@ -84,6 +85,16 @@ def find_bands(prediction: Prediction, *, draws: int = DRAWS) -> FoundBands:
             for (name, level), row in every
         ]
 
+    def bent(rows: list[Measured]) -> list[Measured]:
+        """What the slopes of a standing back say of the forward bend."""
+        slopes = {row.level: row for row in rows if row.quantity == "atr_deg"}
+        means = forward_bend({level: row.value for level, row in slopes.items()})
+        return [
+            Measured.with_sd(row.state, level, "forward_bend_deg", mean, math.hypot(BENT_SD, row.sd))
+            for level, row in slopes.items()
+            if (mean := means.get(level)) is not None
+        ]
+
     bands = Bands(
         sources=_ranked(case, sources, solved, effects),
         nonlinear=tuple(name for name, straight in zip(names, in_proportion[at], strict=True) if not straight),
@@ -92,7 +103,10 @@ def find_bands(prediction: Prediction, *, draws: int = DRAWS) -> FoundBands:
         draws=draws,
     )
     of_spine, by_spine, by_landmarks = spine_bands(case, sources)
-    rows = [*intervals(PREDICTED, effects), *of_spine, *intervals(EXACT, exact), *spine_before_bands(case)]
+    planned, met = intervals(PREDICTED, effects), intervals(EXACT, exact)
+    slopes = prediction.measures_before.slopes
+    before = [Measured(BEFORE, level, "atr_deg", slope, slope, slope) for level, slope in slopes.items()]
+    rows = [*planned, *bent(planned), *of_spine, *met, *bent(met), *spine_before_bands(case), *bent(before)]
     hump = next((row.sd for row in rows if (row.state, row.quantity) == (PREDICTED, "main_hump_mm")), 0.0)
     by_source = np.array([effects[source.name] for source in sources])
     apart = [np.concatenate([one.landmarks_before, one.landmarks_after]).ravel() for one in solved.found]

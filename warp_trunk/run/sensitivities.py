@@ -15,6 +15,7 @@ from warp_trunk.bone_motion.prescribed_motion import (
     sets_around,
     spline_derivative,
 )
+from warp_trunk.case.anatomy import LUMBAR, THORACIC
 from warp_trunk.case.layers import NAMES, Layers
 from warp_trunk.engine.constants import Constant, constants_of, parts_derivative, weight_derivative
 from warp_trunk.engine.linearization import Adjoints, Linearization
@@ -24,6 +25,7 @@ from warp_trunk.measures.derivatives import (
     hump_derivative,
     rotation_derivative,
     shoulder_derivative,
+    slope_derivative,
 )
 from warp_trunk.meshing.layers import thickness_derivatives
 
@@ -34,6 +36,10 @@ if TYPE_CHECKING:
     from warp_trunk.engine.trunk_mesh import TrunkMesh
 
     from .prediction import Prediction
+
+
+SCOLIOMETER = (*THORACIC[5:], *LUMBAR[:3])
+"""The levels whose slope has an interval."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +115,9 @@ def numbers_of(prediction: Prediction, *, all_humps: bool = False) -> dict[tuple
     for level, tangent in tangents.items():
         if all_humps or level in humps:
             found["hump_mm", level] = hump_derivative(skin, landmarks, level, tangent)
+    for level in SCOLIOMETER:
+        if level in tangents:
+            found["atr_deg", level] = slope_derivative(skin, landmarks, level)
     found["shoulder_difference_mm", ""] = shoulder_derivative(skin, landmarks)
     return {name: number for name, number in found.items() if number is not None}
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Literal
@@ -122,6 +122,33 @@ def vertebral_tilt(endplates: np.ndarray) -> np.ndarray:
     """
     axis = endplates[..., 0, :] - endplates[..., 1, :]
     return np.degrees(np.arctan2(axis[..., 0], axis[..., 2]))
+
+
+def tilts_of(spine: Spine) -> dict[str, float | None]:
+    """Coronal tilt of the axis of each vertebra by level [degrees], positive to the patient's right.
+
+    That of T1 is T1 tilt, that of the lowest instrumented vertebra LIV tilt (O'Brien et al. 2008), here of the
+    axis between the endplate centres as `cobb_angles` has it.
+
+    Args:
+        spine: vertebrae with their endplates [mm].
+
+    Returns:
+        Top to bottom; None where an endplate has no landmark.
+    """
+    tilts = (-vertebral_tilt(spine.endplates)).tolist()
+    return {level: tilt if np.isfinite(tilt) else None for level, tilt in zip(spine.levels, tilts, strict=True)}
+
+
+def disc_angles_of(tilts: Mapping[str, float | None]) -> dict[str, float | None]:
+    """Tilt of each vertebra against the next one below [degrees]; that of the lowest instrumented vertebra is the
+    LIV disc angle (O'Brien et al. 2008) where the wedging of both vertebrae is small.
+
+    Args:
+        tilts: of vertebrae from the top down (`tilts_of`).
+    """
+    pairs = pairwise(tilts.items())
+    return {level: None if tilt is None or below is None else tilt - below for (level, tilt), (_, below) in pairs}
 
 
 def _turning_points(tilt: list[float]) -> list[int]:

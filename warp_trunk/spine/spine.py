@@ -146,6 +146,25 @@ def sacral_line(landmarks: Landmarks) -> SacralLine:
     return SacralLine((landmarks.point("asis_left") + landmarks.point("asis_right"))[:2] / 2.0, across, "pelvis")
 
 
+def trunk_length(landmarks: Landmarks, spine: Spine) -> float | None:
+    """Height of the spinous process of C7 over the posterior superior iliac spines [mm].
+
+    Trunk length of rasterstereography, vertebra prominens to the dimples (Drerup and Hierholzer, J Biomech 1987,
+    20:961), along the vertical. The process of C7 is as high as the upper endplate of T1, the posterior spines as
+    high as the anterior ones, both within 3 mm in seven bodies; they stand in for those without landmarks.
+
+    Args:
+        landmarks: with iliac spines [mm].
+        spine: vertebrae [mm].
+
+    Returns:
+        None without T1.
+    """
+    foot = [landmarks.point(f"asis_{side}")[2] for side in ("left", "right")]
+    length = float(spine.endplates_of("T1")[0, 2] - np.mean(foot))
+    return length if np.isfinite(length) else None
+
+
 def trunk_shift(spine: Spine, line: SacralLine) -> TrunkShift | None:
     """Distance of the plumb line of C7 from the central sacral vertical line, in both planes.
 

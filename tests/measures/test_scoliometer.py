@@ -1,0 +1,81 @@
+"""The slope of a standing back, on backs whose slope is known, and what it says of the forward bend."""
+
+import math
+
+import numpy as np
+import pytest
+
+from support.known_spine import known_spine
+from support.phantoms import whole_phantom
+from support.trunk_shapes import ellipse, flat_back, rotation, spine, tube
+from warp_trunk.measures import measure, measure_back
+from warp_trunk.measures.quantities import MeasureTable
+from warp_trunk.measures.scoliometer import forward_bend, scoliometer_on, slope_between
+from warp_trunk.spine.cobb import disc_angles_of, tilts_of
+from warp_trunk.spine.spine import spine_of
+
+ACROSS = np.array([1.0, 0.0])
+
+
+@pytest.mark.parametrize("degrees", [-12.0, 5.0])
+def test_the_slope_of_a_flat_back_is_its_turn(degrees: float) -> None:
+    """Counterclockwise the left side goes back, which is negative."""
+    skin = tube(flat_back() @ rotation(degrees).T)
+    found = measure(skin, spine({"T8": 200.0, "L2": 100.0}))
+    assert [found.slopes[level] for level in ("T8", "L2")] == pytest.approx([-degrees, -degrees], abs=1e-9)
+
+
+def test_thoracic_points_lie_45_mm_beside_the_spine_and_lumbar_ones_35() -> None:
+    for level, wide in (("T12", 90.0), ("L1", 70.0)):
+        ends = scoliometer_on(ellipse(), np.array([0.0, 45.0]), ACROSS, 0.0, level)
+        assert ends is not None
+        assert ends[0, 0] - ends[1, 0] == pytest.approx(wide)
+        assert ends[0, 1] == pytest.approx(100.0 * math.sqrt(1.0 - (wide / 300.0) ** 2), abs=0.02)
+
+
+def test_a_turned_vertebra_has_its_spinous_process_aside() -> None:
+    """45 mm in front of a flat back, turned by 10 degrees counterclockwise: the process goes to the right."""
+    ends = scoliometer_on(flat_back(), np.array([3.0, 55.0]), ACROSS, math.radians(10.0), "T8")
+    assert ends is not None
+    assert ends[:, 0].mean() == pytest.approx(3.0 - 45.0 * math.tan(math.radians(10.0)))
+    assert slope_between(np.array([[45.0, 0.0], [-45.0, 45.0]]), ACROSS) == pytest.approx(
+        math.degrees(math.atan(0.5))
+    )
+
+
+def test_a_back_and_a_whole_trunk_have_the_same_slopes() -> None:
+    case = whole_phantom()
+    back = measure_back(case.skin, case.landmarks_before)
+    for level, slope in measure(case.skin, case.landmarks_before).slopes.items():
+        one = back.levels[level]
+        assert one is not None
+        assert slope == pytest.approx(one.slope, abs=1e-9)
+
+
+def test_the_forward_bend_is_the_standing_slope_and_higher_up_that_of_three_levels() -> None:
+    standing = {"T8": 1.0, "T9": 2.0, "T10": 4.0, "T11": 9.0, "T12": 8.0, "L1": 5.0, "L2": None, "L3": 3.0}
+    assert forward_bend(standing) == {"T9": 5.0, "T10": 7.0, "T11": 9.0, "T12": 8.0, "L1": 5.0, "L2": None}
+
+
+def test_tilts_are_those_of_the_axes_and_discs_their_differences() -> None:
+    tilts = tilts_of(spine_of(known_spine(to_left={"T1": 6.0, "T2": -8.0, "L5": -8.0})))
+    assert [tilts[level] for level in ("T1", "T2", "L4")] == pytest.approx([-6.0, 8.0, 8.0])
+    discs = disc_angles_of(tilts)
+    assert discs["T1"] == pytest.approx(-14.0)
+    assert discs["L3"] == pytest.approx(0.0, abs=1e-9)
+    assert "L5" not in discs
+
+
+def test_trunk_length_and_angle_of_the_shoulders() -> None:
+    case = whole_phantom()
+    found = measure(case.skin, case.landmarks_before)
+    marks = case.landmarks_before
+    middle = 0.5 * (marks.point("asis_left") + marks.point("asis_right"))
+    assert found.trunk_length == pytest.approx(marks.point("T1_superior_endplate")[2] - middle[2])
+    table = MeasureTable.of({"before": found})
+    assert table.value("before", "t1_tilt_deg") == found.tilts["T1"]
+    assert table.value("before", "trunk_length_mm") == found.trunk_length
+    shoulders = found.shoulders
+    if shoulders is not None:
+        wide = shoulders.inner + shoulders.outer
+        assert math.tan(math.radians(shoulders.angle)) == pytest.approx(shoulders.difference / wide)
