@@ -24,13 +24,14 @@ SPINE = measure_spine(known_spine(to_left={"T1": 28.0, "T5": 30.0, "T12": -30.0,
 
 
 def back(rotations: Mapping[str, float], humps: Mapping[str, float] | None = None) -> TrunkMeasures:
-    """A back whose rotation [degrees] and hump [mm] are given by level; 0 where they are left out."""
+    """A back whose rotation, a tenth less than its slope, and hump are given by level; 0 where left out."""
     nowhere = np.zeros(2)
     tangents = {
         level: DualTangent(0.0, nowhere, nowhere, rotations.get(level, 0.0), np.zeros((1, 2)), nowhere, nowhere)
         for level in VERTEBRAE
     }
-    trunk = replace(SPINE, tangents=tangents)
+    slopes = {level: 1.1 * rotations.get(level, 0.0) for level in VERTEBRAE}
+    trunk = replace(SPINE, tangents=tangents, slopes=slopes)
     trunk.__dict__["hump_height"] = {level: (humps or {}).get(level, 0.0) for level in VERTEBRAE}
     return trunk
 

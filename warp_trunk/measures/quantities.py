@@ -160,7 +160,7 @@ _DEFINED = (
              side=True, detectable=DETECTABLE, short="rotation of the lower back at {level}", **_BACK,
              **_largest("bsr_deg", LUMBAR)),
     Quantity(key="main_atr_deg", label="Scoliometer on the standing back at {level}", unit="°", side=True,
-             detectable=SPINE_ANGLE, **_BACK, **_largest("atr_deg")),
+             detectable=SPINE_ANGLE, short="scoliometer at {level}", **_BACK, **_largest("atr_deg")),
     Quantity(key="clavicle_angle_deg", label="Angle of the shoulders", unit="°", side=True,
              detectable=DETECTABLE, **_BACK, function=lambda m, _: {"": m.shoulders and m.shoulders.angle}),
     Quantity(key="waist_height_angle_deg", label="Waist height angle", unit="°", side=True,
