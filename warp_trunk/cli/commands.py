@@ -5,6 +5,7 @@ import atexit
 import errno
 import gc
 import importlib
+import io
 import os
 import sys
 import textwrap
@@ -87,6 +88,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         atexit.register(gc.freeze)  # Python would look for garbage in all that is left, for a third of a second
         # BLAS would keep a thread on every core, which waits there for its next product and holds up our own
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        for stream in (sys.stdout, sys.stderr):
+            if isinstance(stream, io.TextIOWrapper):  # a file in UTF-8 on every system; a screen as well as it can
+                stream.reconfigure(encoding=None if stream.isatty() else "utf-8", errors="replace")
     if arguments and arguments[0] in ("-h", "--help"):
         print(overview())
         return OK
