@@ -61,7 +61,7 @@ def locked(folder: Path) -> Iterator[None]:
         lock.acquire()
     except Timeout:
         owner = "another process"
-        with suppress(OSError):  # Windows lets nobody else read it
+        with suppress(OSError):  # no other process can read it on Windows
             owner = f"process {path.read_text(encoding='utf-8', errors='replace').strip()}"
         raise InputError(
             f"{folder}: {owner} writes its result here; wait for its end or give another --out"
