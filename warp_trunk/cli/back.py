@@ -13,6 +13,7 @@ from warp_trunk.case.axes import MILLIMETRES
 from warp_trunk.case.folders import refuse_case
 from warp_trunk.case.landmarks import Landmarks, read_landmarks
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.back_points import NOISY
 from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.point_files import read_scan
 from warp_trunk.io.surface_files import read_surface
@@ -109,7 +110,10 @@ def fit_text(fit: FittedBack, kind: str) -> str:
     turn = f"{TURN:g} degrees for each mm of sideways way" if kind == "line" else "as given"
     lines = [
         f"Fitted {fit.body}, scaled by {fit.scale:.2f}: {len(d)} points of the trunk, {far}",
-        f"Left out {len(fit.left_out)} of {len(d) + len(fit.left_out)} points: arms, hair, clothes, stray points",
+        f"Left out {len(fit.left_out)} of {len(d) + len(fit.left_out)} points: surroundings, arms, hair, clothes, "
+        "stray points",
+        f"The points of the scan scatter by {fit.scan.noise:.2g} mm about the skin"
+        + (", so they were smoothed" if fit.scan.noise > NOISY else ""),
         f"Invented: {100.0 * fit.invented:.0f} % of the skin, the ribs, the pelvis but for its turn",
         f"Turn of the vertebrae: {turn}, ±{TURN_SD[kind]:g} degrees",
     ]

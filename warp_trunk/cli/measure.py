@@ -17,6 +17,7 @@ from warp_trunk.case.skin_checks import arm_warnings, check_second_skin
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume, manifold_fault
+from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.file_access import read_text
 from warp_trunk.io.folders import make_writable
 from warp_trunk.io.point_files import read_points
@@ -92,8 +93,14 @@ class Measure:
             found = measure_back(back, line, markers)
         print(found.text())
         words = {"back": file.name, "pelvis": found.pelvis, "spine": found.spine}
+        words |= {"notes": list(found.notes), "missing": found.missing}
         write_measures(stem, words, found.measured())
         print(f"\nWritten to {stem}.json and {stem}.csv")
+        if found.scan is not None and found.scan.left_out:
+            from warp_trunk.report.back_picture import back_picture  # brings matplotlib
+
+            write_whole(stem.with_name(f"{stem.name}.png"), back_picture(found, found.scan))
+            print(f"What was left out is shown in {stem}.png")
         return OK
 
 
@@ -145,7 +152,8 @@ def patient_of(file: Path, folder: Path | None) -> Case:
         if before.names != its.names or np.abs(before.points - its.points).max() > 1e-3:
             other = f"is not the case of the result {file.parent}, whose landmarks before surgery differ"
             raise InputError(f"{folder}: {other}; leave --case out, the result holds its own landmarks")
-    return Case(result.summary.case, result.skin_before, {}, before, after)
+    unseen = None if result.unseen is None else result.unseen > 0.5
+    return Case(result.summary.case, result.skin_before, {}, before, after, unseen=unseen)
 
 
 def read_skin(path: Path, case_folder: Path | None, case: Case) -> Surface:

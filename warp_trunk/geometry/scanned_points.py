@@ -83,13 +83,10 @@ def surface_of_points(points: np.ndarray, across: np.ndarray) -> Surface:
         across: unit vector to the left in the axial plane, shape (2,).
 
     Raises:
-        InputError: fewer than 100 points that are finite, or points that form no surface.
+        InputError: points that form no surface.
     """
     from scipy.spatial import Delaunay, KDTree  # heavy
 
-    if points.ndim != 2 or points.shape[1:] != (3,) or len(points) < 100 or not np.isfinite(points).all():
-        raise InputError(f"back: needs 100 or more finite points of shape (n, 3), not {points.shape}")
-    points = without_bumps(in_cubes(points)[0], across)[0]
     seen = np.column_stack([points[:, :2] @ across, points[:, 2]])
     corners = Delaunay(seen).simplices
     usual = np.median(KDTree(points).query(points, k=2)[0][:, 1])

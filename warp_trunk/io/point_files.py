@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,6 @@ from .surface_files.space import stated_space
 from .surface_files.surface_reader import ENDINGS, cure_of, parse
 
 _TEXT = (".xyz", ".csv", ".txt", ".asc", ".pts")
-_SPLIT = re.compile(rb"[,;\s]+")
 
 
 def read_points(path: str | Path) -> np.ndarray:
@@ -29,10 +29,11 @@ def read_scan(path: str | Path) -> tuple[np.ndarray, np.ndarray | None]:
     """The points of a scan, shape (n, 3) float64, in the numbers of the file; LPS where its
     header says SPACE=RAS. And their colours where it has some, shape (n, 3), uint8.
 
-    Text holds x, y and z in the first three columns of each line, split by blanks, commas or semicolons, under at
-    most one line of titles. Of a surface the vertices are taken, and the middles of its triangles; they have
-    colours as `read_surface` has. Other columns of a text are passed over, and so are
-    rows of a single number (the count of PTS) and points whose coordinates are all NaN (of organised clouds).
+    Text holds x, y and z in the columns that its titles name, or in the first three, split by blanks, commas or
+    semicolons; decimal commas are read where something else splits the columns. Other columns are passed over, and
+    so are rows of a single number (the count of PTS) and points whose coordinates are all NaN (of organised
+    clouds). Of a surface the vertices are taken, and the middles of its triangles; they have colours as
+    `read_surface` has.
 
     Raises:
         InputError: the file is missing, too large or cannot be read, or a number is not finite.
@@ -78,14 +79,64 @@ def _parsed(ending: str, content: bytes, path: Path) -> tuple[np.ndarray, np.nda
 
 
 def _table(content: bytes) -> np.ndarray:
-    lines = [line for line in (raw.strip() for raw in content.splitlines()) if line and line[:1] not in b"#/"]
-    rows = [_SPLIT.split(line)[:3] for line in lines]
-    rows = [row for row in rows if not (len(row) == 1 and row[0].isdigit())]  # a PTS begins with a count
-    if rows and not rows[0][0][:1].isdigit() and rows[0][0][:1] not in (b"-", b"+", b"."):
-        rows = rows[1:]
-    if not rows:
+    """The points of a text, from the columns called x, y and z, or from the first three."""
+    text = content.decode("utf-8-sig", errors="replace")
+    lines = [line for line in (raw.strip() for raw in text.splitlines()) if line]
+    rows = [line for line in lines if line[0] not in "#/"]
+    first = rows[0] if rows and not _NUMERIC.match(rows[0]) else None
+    titles = [line for line in lines[: lines.index(rows[0])] if line[0] in "#/"] if rows else []
+    if first is not None:
+        titles, rows = [*titles, first], rows[1:]
+    split = _splitter(rows)
+    table = [split(row) for row in rows]
+    table = [row for row in table if not (len(row) == 1 and row[0].isdigit())]  # a PTS begins with a count
+    if not table:
         raise FormatError("it holds no points")
-    short = next((number for number, row in enumerate(rows, start=1) if len(row) < 3), None)
+    columns = _columns([_words(_UNIT.sub("", line.strip("#/ ")), _ANY) for line in titles])
+    short = next((number for number, row in enumerate(table, start=1) if len(row) <= max(columns)), None)
     if short:
-        raise FormatError(f"row {short} has fewer than three numbers")
-    return np.array([[number(word.decode()) for word in row] for row in rows])
+        raise FormatError(f"row {short} has fewer than three numbers, or lacks x, y or z")
+    return np.array([[number(row[column]) for column in columns] for row in table])
+
+
+_NUMERIC = re.compile(r"[-+.,]?\d|[-+]?(?:nan|inf)\b", re.IGNORECASE)
+"""How a line of numbers begins."""
+_ANY = re.compile(r"[,;\s]+")
+_UNIT = re.compile(r"[\[(][^\])]*[\])]|_mm\b", re.IGNORECASE)
+"""The unit of a column in its title."""
+_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?|[-+]?\d+")
+"""A number as languages with decimal commas write it."""
+
+
+def _words(line: str, split: re.Pattern[str]) -> list[str]:
+    return [word for word in split.split(line) if word]
+
+
+def _splitter(rows: list[str]) -> Callable[[str], list[str]]:
+    """How the rows of a table are split into numbers that `number` reads.
+
+    Commas are decimal where semicolons, tabs or blanks split a row into three or more numbers with commas in them.
+    """
+    some = rows[:: max(1, len(rows) // 100)]
+    split = re.compile(r"\s*;\s*" if any(";" in row for row in some) else r"\s+")
+    words = [_words(row, split) for row in some]
+    commas = any("," in word for row in words for word in row)
+    whole = all(len(row) >= 3 and all(_DECIMAL_COMMA.fullmatch(word) for word in row) for row in words)
+    if commas and whole:
+        return lambda row: [word.replace(",", ".") for word in _words(row, split)]
+    return lambda row: _words(row, _ANY)
+
+
+def _columns(titles: list[list[str]]) -> tuple[int, int, int]:
+    """The columns of x, y and z; the first three where no line of titles names one of them."""
+    for words in titles:
+        names = [word.strip("\"'").lower() for word in words]
+        at = [names.index(axis) if names.count(axis) == 1 else -1 for axis in "xyz"]
+        if min(at) >= 0:
+            return at[0], at[1], at[2]
+        if names and names[0] in "xyz" and len(names) >= 3:
+            missing = ", ".join(axis for axis, column in zip("xyz", at, strict=True) if column < 0)
+            raise FormatError(
+                f"its titles are {','.join(words)[:60]}, and {missing} is missing; name x, y and z once"
+            )
+    return 0, 1, 2

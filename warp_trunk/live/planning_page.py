@@ -49,7 +49,9 @@ class Page:
         """The error that ended the page, if there was one."""
         self.kept = KeptPlans(folder, case)
         """The plans that were kept, now and before."""
-        self._before = measure(case.skin, case.landmarks_before if case.has_spine else NO_LANDMARKS)
+        self._before = measure(
+            case.skin, case.landmarks_before if case.has_spine else NO_LANDMARKS, unseen=case.unseen
+        )
         self._drawn: PlanView | None = None
         self._drawing = threading.Lock()
         self._told: Latest[Callable[[], str]] = Latest(PAUSE)

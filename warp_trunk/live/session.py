@@ -271,9 +271,9 @@ class Session:
                 self._on_change()
 
     def _measured(self, view: PlanView) -> PlanView:
-        before = self._patient.case.skin
+        before, unseen = self._patient.case.skin, self._patient.case.unseen
         landmarks = NO_LANDMARKS if isinstance(view.surgery, MotionPlan) else view.surgery.landmarks_after
-        return replace(view, measures=measure(Surface(view.skin, before.faces), landmarks, before))
+        return replace(view, measures=measure(Surface(view.skin, before.faces), landmarks, before, unseen))
 
 
 def _relaxed_view(job: PlanView, end: Relaxed, *, settled: bool) -> PlanView:

@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.back_points import FEWEST, MOST_STRAY, BackPoints, find_back, points_on
 from warp_trunk.geometry.scanned_points import surface_of_points, without_bumps
 from warp_trunk.geometry.section import pieces
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.spine.spine import spine_of
 
 from .back_rotation import DualTangent, tangent_of
 from .markers import BackMarkers, back_markers
-from .quantities import WIDTH, Measured
+from .quantities import WIDTH, Measured, MeasureTable
 from .rows import as_text
 from .scoliometer import BENT_SD, BESIDE, beside, forward_bend, pedicle_turns, slope_between, spinous_place
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
-    from warp_trunk.geometry.surface import Surface
 
 TURN = 0.5
 """Turn of a vertebra for its sideways way from the line between T1 and L5 [degrees/mm]: 0.44 to 0.50 from the
@@ -36,6 +38,16 @@ HEIGHTS = np.array([
 # fmt: on
 """Usual heights of the middles of T1 to L5 below the spinous process of C7, over the way from there to that of L5:
 means of seven bodies, in which the process of C7 is as high as the upper end of T1."""
+UNSEEN = 6.0
+"""Skin farther than this from skin that was seen is not known, where something stands on it [mm] ..."""
+BENT = 60.0
+"""... and may leave the bridge that stands for it as a circle of this radius leaves its tangent [mm]."""
+CHANGE = 0.5
+"""A number that changes by more than this if it does is left out [degrees]."""
+DEEP = 40.0
+"""A level is left out where skin within `AROUND` of the spine is farther than this from what was seen [mm]."""
+AROUND = 100.0
+"""See `DEEP` [mm]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +63,21 @@ class BackLevel:
     slope: float | None
     """Slope of the line between the skin `BESIDE` the spine on both sides [degrees], positive where the right one
     stands further back, as a scoliometer shows it standing; None where the scan ends before."""
+    error: float = 0.0
+    """Standard deviation of the depth of the skin where both are taken from, by the noise of the scan [mm]."""
+    bridged: bool = False
+    """Whether something stands on the skin within `AROUND` of the spine."""
+
+    @property
+    def rotation_sd(self) -> float:
+        """Standard deviation of the rotation by the noise of the scan [degrees]; NaN where it is missing."""
+        if self.tangent is None:
+            return math.nan
+        return math.degrees(math.sqrt(2.0) * self.error / math.dist(self.tangent.left, self.tangent.right))
+
+    def slope_sd(self, level: str) -> float:
+        """Standard deviation of the slope at a level by the noise of the scan [degrees]."""
+        return math.degrees(self.error / (math.sqrt(2.0) * BESIDE[level[0]]))
 
     @property
     def rotation(self) -> float | None:
@@ -68,18 +95,36 @@ class BackMeasures:
     """landmarks, spinous line or body line."""
     levels: dict[str, BackLevel | None]
     """By vertebra, top to bottom; None where the scan has no back at its height."""
+    missing: dict[str, str] = field(default_factory=dict)
+    """Why a level has no rotation."""
+    scan: BackPoints | None = None
+    """The points of the scan and its noise; None of a surface that was measured as it is."""
 
     def text(self) -> str:
-        """The measures as a table, with what they are measured against."""
+        """The measures as a table, with what they are measured against and what was left out."""
         heights = (
             "" if self.spine == "landmarks" else "; levels are at their usual heights between C7 and the pelvis"
         )
+        table = MeasureTable(self.measured())
+        noisy = self.scan is not None and self.scan.smoothed
+
+        def cell(level: str, quantity: str) -> str:
+            row = table.column("back", quantity)[level]
+            if row.value is None:
+                return "–"
+            return f"{row.value:+z.1f}" + (f" ± {WIDTH * row.sd:.1f}" if noisy and row.low is not None else "")
+
+        titles = {
+            "height_mm": "height [mm]",
+            "bsr_deg": "dual tangent [°]",
+            "atr_deg": "slope [°]",
+            "forward_bend_deg": "bent [°]",
+        }
         return "\n".join([
             f"Rotation of the back against the axis of the {self.pelvis}, from the {self.spine}{heights}.",
             "",
-            as_text(["level", "height [mm]", "dual tangent [°]", "slope [°]", "bent [°]"], [
-                [level, *("–" if value is None else f"{value:+z.1f}" for value in row)]
-                for level, *row in self.rows()
+            as_text(["level", *titles.values()], [
+                [level, *(cell(level, quantity) for quantity in titles)] for level in self.levels
             ]),
             "Positive: the right side stands further back. The slope is that of a scoliometer on the standing "
             f"back, {BESIDE['T']:g} mm to both sides of the spine, {BESIDE['L']:g} mm below T12"
@@ -87,16 +132,46 @@ class BackMeasures:
                if self.spine == "body line" else ".")
             + " Bent: the slope in the forward bend in the mean; 95 % of patients are within "
             f"{WIDTH * BENT_SD:.0f} degrees of it.",
+            *self.notes,
         ])  # fmt: skip
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """A sentence for each thing that was left out, bridged or missing, and one for a noisy scan."""
+        notes, scan = [], self.scan
+        if scan is not None:
+            count = len(scan.skin) + len(scan.surroundings) + len(scan.hidden)
+            if away := len(scan.surroundings) + len(scan.hidden):
+                what = "they do not hang together with the skin of the back, or lie in front of it"
+                notes.append(f"{away} of {count} points were left out: {what}.")
+            noise = f"The points scatter by {scan.noise:.2g} mm about the skin"
+            if scan.smoothed:
+                notes.append(f"{noise}, so they were smoothed; ± is the 95 % interval that this noise leaves.")
+        bridged = [level for level, one in self.levels.items() if one is not None and one.bridged]
+        if bridged:
+            notes.append(f"Something stands on the back at {', '.join(bridged)}, such as hair or a strap; "
+                         "the skin under it is taken to go on smoothly.")  # fmt: skip
+        by_reason: dict[str, list[str]] = {}
+        for level, reason in self.missing.items():
+            by_reason.setdefault(reason, []).append(level)
+        return (*notes, *(f"No rotation at {', '.join(names)}: {reason}." for reason, names in by_reason.items()))
+
     def measured(self) -> list[Measured]:
-        """The measures as rows of the state `back`."""
-        names = ("height_mm", "bsr_deg", "atr_deg", "forward_bend_deg")
-        return [
-            Measured("back", level, name, value)
-            for level, *values in self.rows()
-            for name, value in zip(names, values, strict=True)
-        ]
+        """The measures as rows of the state `back`, with the intervals that the noise of a scan leaves."""
+        rows = []
+        for level, height, rotation, slope, bent in self.rows():
+            one = self.levels[level]
+            rows.append(Measured("back", level, "height_mm", height))
+            for name, value in (("bsr_deg", rotation), ("atr_deg", slope)):
+                sd = math.nan if one is None else one.rotation_sd if name == "bsr_deg" else one.slope_sd(level)
+                known = value is not None and sd > 0.0
+                rows.append(
+                    Measured.with_sd("back", level, name, value, sd)
+                    if known
+                    else Measured("back", level, name, value)
+                )
+            rows.append(Measured("back", level, "forward_bend_deg", bent))
+        return rows
 
     def rows(self) -> list[tuple[str, float | None, float | None, float | None, float | None]]:
         """Level, height [mm], rotation, slope, and slope in the forward bend [degrees]."""
@@ -140,7 +215,7 @@ def measure_back(
     marks = back_markers(markers) if line else back_markers(markers, spine, spine=False)
     across = marks.across
     behind = np.array([-across[1], across[0]])
-    surface = surface_of_points(back, across) if isinstance(back, np.ndarray) else _bare(back, across)
+    surface, scan = _skin_of(back, spine if isinstance(spine, np.ndarray) else spine_of(spine).centroids, across)
     if isinstance(spine, np.ndarray):
         levels, centres = VERTEBRAE, vertebrae_on_line(spine, marks)
         aside = centres[:, :2] @ across
@@ -161,24 +236,75 @@ def measure_back(
             kind = "spinous line"
             places = [None if cut is None else centre[:2] for cut, centre in zip(cuts, centres, strict=True)]
         centres = np.array([[*(c[:2] if p is None else p), c[2]] for p, c in zip(places, centres, strict=True)])
-    measured = {}
+    seen = _Seen(scan)
+    measured: dict[str, BackLevel | None] = {}
+    missing = {}
     for level, cut, place, centre in zip(levels, cuts, places, centres, strict=True):
         measured[level] = None
-        if cut is not None and place is not None:
-            tangent = tangent_of(cut.reshape(-1, 2), centre, across)
-            ends = beside(cut, place, across, level)
-            slope = None if ends is None else slope_between(ends, across)
-            measured[level] = BackLevel(float(centre[2]), place, tangent, slope)
-    return BackMeasures(marks.pair.upper(), kind, measured)
+        if cut is None or place is None:
+            missing[level] = "the scan has no back there"
+            continue
+        height, outline = float(centre[2]), cut.reshape(-1, 2)
+        tangent, slope = tangent_of(outline, centre, across), _slope(cut, place, across, level)
+        if tangent is None:
+            missing[level] = "no line within 60 degrees of the pelvis touches the back on both sides"
+        error = 0.0 if scan is None else scan.error
+        away = seen.away(outline, height)
+        unseen = away[np.linalg.norm(outline - place, axis=1) < AROUND].max(initial=0.0)
+        if unseen > DEEP:
+            tangent = slope = None
+            missing[level] = "what stands on the back is too wide to know the skin under it"
+        elif unseen > UNSEEN:
+            off = (np.square(away) / (2.0 * BENT)).reshape(-1, 2, 1) * behind
+            others = [cut + side * off for side in (1.0, -1.0)]
+            if tangent is not None:
+                turned = [tangent_of(other.reshape(-1, 2), centre, across) for other in others]
+                if any(one is None or abs(one.angle - tangent.angle) > CHANGE for one in turned):
+                    tangent = None
+                    missing[level] = "it depends on the skin under what stands on the back"
+            slopes = [_slope(other, place, across, level) for other in others]
+            if slope is not None and any(one is None or abs(one - slope) > CHANGE for one in slopes):
+                slope = None
+        measured[level] = BackLevel(height, place, tangent, slope, error, unseen > UNSEEN)
+    return BackMeasures(marks.pair.upper(), kind, measured, missing, scan)
 
 
-def _bare(back: Surface, across: np.ndarray) -> Surface:
-    """A closed skin as it is, and an open surface without what sticks on it."""
+def _skin_of(
+    back: Surface | np.ndarray, line: np.ndarray, across: np.ndarray
+) -> tuple[Surface, BackPoints | None]:
+    """The surface of a back that is measured, and what else the scan holds.
+
+    A closed skin is measured as it is, and so is an open surface without what sticks on it, unless it has
+    surroundings, noise, or something that stands on it; then points on it are measured.
+    """
+    if isinstance(back, np.ndarray):
+        scan = find_back(back, line, across)
+        return surface_of_points(scan.skin, across), scan
     from warp_trunk.geometry.surface_checks import boundary_edges  # brings Warp
 
     if not len(boundary_edges(back.faces)):
-        return back
-    return replace(back, vertices=without_bumps(back.vertices, across)[0])
+        return back, None
+    points = points_on(back)
+    if len(points) >= FEWEST:
+        scan = find_back(points, line, across)
+        if scan.smoothed or scan.stands or len(scan.surroundings) > MOST_STRAY * len(points):
+            return surface_of_points(scan.skin, across), scan
+    return replace(back, vertices=without_bumps(back.vertices, across)[0]), None
+
+
+class _Seen:
+    """How far places on a back are from skin that was seen, where something stands on it."""
+
+    def __init__(self, scan: BackPoints | None) -> None:
+        from scipy.spatial import KDTree  # heavy
+
+        self._tree = None if scan is None or not scan.stands else KDTree(scan.skin[~scan.bridged])
+
+    def away(self, places: np.ndarray, height: float) -> np.ndarray:
+        """The distances of places (n, 2) at a height, shape (n,) [mm]; 0 where all of the skin was seen."""
+        if self._tree is None:
+            return np.zeros(len(places))
+        return np.asarray(self._tree.query(np.column_stack([places, np.full(len(places), height)]))[0])
 
 
 def vertebrae_on_line(line: np.ndarray, markers: BackMarkers) -> np.ndarray:
@@ -208,3 +334,9 @@ def _piece(surface: Surface, centre: np.ndarray) -> np.ndarray | None:
     found = pieces(surface, float(centre[2]))
     away = [np.linalg.norm(piece.reshape(-1, 2) - centre[:2], axis=1).min() for piece in found]
     return found[int(np.argmin(away))] if found else None
+
+
+def _slope(cut: np.ndarray, place: np.ndarray, across: np.ndarray, level: str) -> float | None:
+    """Slope of the skin beside a spinous process [degrees]; None where the scan ends before."""
+    ends = beside(cut, place, across, level)
+    return None if ends is None else slope_between(ends, across)

@@ -57,6 +57,14 @@ class DualTangent:
     """Centroid of the vertebra, x and y [mm], shape (2,)."""
     across: np.ndarray
     """Unit vector of the pelvis' axis to the patient's left, x and y, shape (2,)."""
+    seen: np.ndarray | None = None
+    """Which points of the outline a scan showed, which alone the tangent touches, bool, shape (points,); None for
+    all of them."""
+
+    @property
+    def back(self) -> np.ndarray:
+        """The points of the outline that the tangent may touch [mm], shape (m, 2)."""
+        return self.outline if self.seen is None else self.outline[self.seen]
 
     @property
     def line(self) -> np.ndarray:
@@ -90,23 +98,41 @@ def back_surface_rotation(surface: Surface, landmarks: Landmarks) -> dict[str, D
 
 
 def tangents_of(
-    outlines: Mapping[str, np.ndarray | None], spine: Spine, across: np.ndarray
+    outlines: Mapping[str, np.ndarray | None],
+    spine: Spine,
+    across: np.ndarray,
+    seen: Mapping[str, np.ndarray] | None = None,
 ) -> dict[str, DualTangent | None]:
-    """The dual tangent by level, from the outlines of the trunk (`outlines_of`); None where there is none."""
+    """The dual tangent by level, from the outlines of the trunk (`outlines_of`); None where there is none.
+
+    Args:
+        outlines: by level, shape (points, 2) [mm].
+        spine: vertebrae.
+        across: unit vector of the pelvis' axis to the left, shape (2,).
+        seen: by level which points of an outline a scan showed, bool, shape (points,); all of them when left out.
+    """
     return {
-        level: None if (outline := outlines[level]) is None else tangent_of(outline, centroid, across)
+        level: None
+        if (outline := outlines[level]) is None
+        else tangent_of(outline, centroid, across, None if seen is None else seen[level])
         for level, centroid in zip(spine.levels, spine.centroids, strict=True)
     }
 
 
-def tangent_of(outline: np.ndarray, centroid: np.ndarray, across: np.ndarray) -> DualTangent | None:
-    """The dual tangent of one section (points, 2), at the height of a vertebra's centroid (3,) [mm]."""
-    touching = dual_tangent(outline, centroid[:2], across)
+def tangent_of(
+    outline: np.ndarray, centroid: np.ndarray, across: np.ndarray, seen: np.ndarray | None = None
+) -> DualTangent | None:
+    """The dual tangent of one section (points, 2), at the height of a vertebra's centroid (3,) [mm]; it touches
+    points that were seen only, bool, shape (points,)."""
+    back = outline if seen is None else outline[seen]
+    if not len(back):
+        return None
+    touching = dual_tangent(back, centroid[:2], across)
     if touching is None:
         return None
     left, right = touching
     angle = -math.degrees(turn(across, left - right))
-    return DualTangent(float(centroid[2]), left, right, angle, outline, centroid[:2], across)
+    return DualTangent(float(centroid[2]), left, right, angle, outline, centroid[:2], across, seen)
 
 
 def dual_tangent(outline: np.ndarray, spine: np.ndarray, across: np.ndarray) -> np.ndarray | None:

@@ -51,7 +51,7 @@ def rotation_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent
     """
     from scipy.spatial import KDTree  # heavy
 
-    contacts = find_contacts(tangent.outline, tangent.spine, tangent.across)
+    contacts = find_contacts(tangent.back, tangent.spine, tangent.across)
     assert contacts is not None  # where there is a tangent there are contacts
     bridge, rows = np.array_equal(*contacts.edges), landmarks.rows_of(level)
     kept, edges, cuts = _cut(skin, landmarks.points[rows, 2].mean())

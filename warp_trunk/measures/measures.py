@@ -130,7 +130,9 @@ class TrunkMeasures:
         }
 
 
-def measure(skin: Surface, landmarks: Landmarks, before: Surface | None = None) -> TrunkMeasures:
+def measure(
+    skin: Surface, landmarks: Landmarks, before: Surface | None = None, unseen: np.ndarray | None = None
+) -> TrunkMeasures:
     """Measure a skin and its spine: the back and the shoulders, and the vertebrae in all planes.
 
     Cheap enough for every increment of a simulation; hump heights and flanks are worked out when they are asked
@@ -147,6 +149,8 @@ def measure(skin: Surface, landmarks: Landmarks, before: Surface | None = None) 
         landmarks: those that go with this skin: before surgery for the skin before, after for the others. Where
             there are none, only the change of the skin is measured.
         before: the same skin before surgery, with the same vertices in the same order.
+        unseen: which vertices of the skin no scan showed, bool or 0 to 1, shape (vertices,): the back is measured
+            without them, so that a rotation is that of the scan, and missing where the scan has none.
 
     Raises:
         InputError: no ASIS among landmarks, or `before` with another number of vertices, or a skin that is
@@ -171,8 +175,11 @@ def measure(skin: Surface, landmarks: Landmarks, before: Surface | None = None) 
     if line is None:
         return found
     outlines, missing = outlines_of(skin, spine)
-    tangents = tangents_of(outlines, spine, line.across)
+    seen = None if unseen is None else _seen_points(skin, unseen, outlines, spine)
+    tangents = tangents_of(outlines, spine, line.across, seen)
     for level, tangent in tangents.items():
+        if tangent is None and seen is not None:
+            missing.setdefault(level, "the scan shows no back on both sides of the spine there")
         if tangent is None:
             missing.setdefault(level, "no line within 60 degrees of the pelvis touches the back on both sides")
     shoulders = None if outlines.get("T1") is None else shoulder_heights(skin, spine, line.across)
@@ -190,6 +197,21 @@ def measure(skin: Surface, landmarks: Landmarks, before: Surface | None = None) 
         shoulders=shoulders,
         missing=missing,
     )
+
+
+def _seen_points(
+    skin: Surface, unseen: np.ndarray, outlines: dict[str, np.ndarray | None], spine: Spine
+) -> dict[str, np.ndarray]:
+    """By level which points of its outline lie nearest to a vertex that a scan showed, bool, shape (points,)."""
+    from scipy.spatial import KDTree  # heavy
+
+    tree, found = KDTree(skin.vertices), {}
+    for level, height in zip(spine.levels, spine.centroids[:, 2], strict=True):
+        outline = outlines[level]
+        points = np.empty((0, 2)) if outline is None else outline
+        nearest = tree.query(np.column_stack([points, np.full(len(points), height)]))[1] if len(points) else []
+        found[level] = np.asarray(unseen)[nearest] < 0.5 if len(points) else np.zeros(0, dtype=bool)
+    return found
 
 
 def measure_spine(landmarks: Landmarks, expected_error: float = 0.0) -> TrunkMeasures:

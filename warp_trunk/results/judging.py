@@ -88,8 +88,9 @@ def judged(
         unmoved = same and np.abs(skin.vertices - case.skin.vertices).max() < 1e-3  # float32 files round
         when = "before" if unmoved else "after"
     landmarks = case.landmarks_before if when == "before" else case.planned_landmarks
-    found = measure(skin, landmarks, case.skin if same and when == "after" else None)
-    before = measure(case.skin, case.landmarks_before)
+    unseen = case.unseen if same else None
+    found = measure(skin, landmarks, case.skin if same and when == "after" else None, unseen)
+    before = measure(case.skin, case.landmarks_before, unseen=case.unseen)
     of_result = when == "after" and file.name == PREDICTED_SKIN and (file.parent / SUMMARY).is_file()
     table = MeasureTable(measured(PREDICTED if of_result else when, found, before))
     if of_result:

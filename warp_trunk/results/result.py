@@ -156,12 +156,12 @@ class Result:
     @cached_property
     def measures(self) -> TrunkMeasures:
         """The measures of the predicted skin."""
-        return measure(self.skin, self.landmarks_after, self.skin_before)
+        return measure(self.skin, self.landmarks_after, self.skin_before, self.unseen)
 
     @cached_property
     def measures_before(self) -> TrunkMeasures:
         """The measures of the skin before surgery."""
-        return measure(self.skin_before, self.landmarks_before)
+        return measure(self.skin_before, self.landmarks_before, unseen=self.unseen)
 
     @cached_property
     def tissue(self) -> tuple[TrunkMesh, np.ndarray]:

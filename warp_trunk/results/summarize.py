@@ -78,7 +78,10 @@ def result_of(
         raise InputError("result_of: 'increments' is empty; give everything that simulate() yielded")
     displacement, last = increments[-1].displacement, increments[-1].relaxation
     skin, planned = predicted_skin(case, trunk, displacement), case.planned_landmarks
-    before, after = measures or (measure(case.skin, case.landmarks_before), measure(skin, planned, case.skin))
+    before, after = measures or (
+        measure(case.skin, case.landmarks_before, unseen=case.unseen),
+        measure(skin, planned, case.skin, case.unseen),
+    )
     table = MeasureTable.of({BEFORE: before, PREDICTED: after})
     if case.actual_skin is not None:
         actual = measured(ACTUAL, measure(case.actual_skin, planned), before, of="skin")

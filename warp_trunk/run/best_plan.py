@@ -55,7 +55,7 @@ class PlanTrial:
         self.shares, self._search = shares, search
         self.case = search.planned(shares)
         self.prediction = prepare_plan(patient, self.case).relax()
-        measured = measure(self.prediction.skin, self.case.planned_landmarks)
+        measured = measure(self.prediction.skin, self.case.planned_landmarks, unseen=self.case.unseen)
         found = QUANTITIES[AIMS[search.aim][0]].function(measured, measured)
         self.values = {level: value for level in JUDGED if (value := found.get(level)) is not None}
 

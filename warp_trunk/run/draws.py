@@ -121,6 +121,7 @@ def linearity(
     numbers: Mapping[tuple[str, str], Derivative],
     skin: Surface,
     landmarks: Landmarks,
+    unseen: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """How much numbers really vary over the draws, and whether they change in proportion, shape (numbers,) each.
 
@@ -130,6 +131,7 @@ def linearity(
         numbers: by quantity and level, with their derivatives on the skin.
         skin: as predicted.
         landmarks: after surgery, as planned.
+        unseen: which vertices of the skin no scan showed, bool, shape (vertices,).
 
     Returns:
         The deviation of each number over the prediction of its derivatives for the same draws, and whether it
@@ -143,7 +145,9 @@ def linearity(
     measured = []
     for by, after in zip(moved, draws.after, strict=True):
         there = Surface(skin.vertices + by, skin.faces)
-        measured.append(measured_again(there, replace(landmarks, points=landmarks.points + after), numbers))
+        measured.append(
+            measured_again(there, replace(landmarks, points=landmarks.points + after), numbers, unseen)
+        )
     seen = np.array(measured) - [one.value for one in found]
     known = np.isfinite(seen)
     seen = np.where(known, seen, predicted)
@@ -153,9 +157,11 @@ def linearity(
     return ratio, known.all(axis=0) & (stray <= MOST_NONLINEAR * np.maximum(wanted, 1e-9))
 
 
-def measured_again(skin: Surface, landmarks: Landmarks, names: Iterable[tuple[str, str]]) -> list[float]:
+def measured_again(
+    skin: Surface, landmarks: Landmarks, names: Iterable[tuple[str, str]], unseen: np.ndarray | None
+) -> list[float]:
     """Numbers by quantity and level on another skin; NaN where one is missing."""
-    found = measure(skin, landmarks)
+    found = measure(skin, landmarks, unseen=unseen)
     values = [QUANTITIES[quantity].function(found, found).get(level) for quantity, level in names]
     return [math.nan if value is None else value for value in values]
 

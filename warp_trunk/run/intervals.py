@@ -70,7 +70,9 @@ def find_bands(prediction: Prediction, *, draws: int = DRAWS) -> FoundBands:
     solved = _solve(prediction, sources, vertex_normals(skin), draws)
     effects, exact = _effects(case, sources, solved)
     on_skin = solved.followed[:, prediction.trunk.skin_nodes]
-    ratio, in_proportion = linearity(solved.drawn, on_skin, solved.numbers, skin, case.planned_landmarks)
+    ratio, in_proportion = linearity(
+        solved.drawn, on_skin, solved.numbers, skin, case.planned_landmarks, case.unseen
+    )
     deviation = skin_deviation(solved.drawn, on_skin, vertex_normals(skin))
     skin_sd = np.hypot(deviation, case.uncertainty.mesh_length)
     every = [*zip(solved.numbers, range(len(solved.numbers)), strict=True), *_maxima(prediction, solved)]

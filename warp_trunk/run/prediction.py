@@ -82,7 +82,7 @@ class Prediction:
     @cached_property
     def measures_before(self) -> TrunkMeasures:
         """The measures before surgery, whose places the prediction is compared at."""
-        return measure(self.case.skin, self.case.landmarks_before)
+        return measure(self.case.skin, self.case.landmarks_before, unseen=self.case.unseen)
 
     @property
     def skin(self) -> Surface:
@@ -97,7 +97,10 @@ class Prediction:
         """The measures of the skin after an increment, with the landmarks that go with it."""
         if self._measured is None or self._measured[0] is not increment:
             landmarks = self.case.landmarks_at(increment.load_factor)
-            self._measured = increment, measure(self.skin_at(increment), landmarks, self.case.skin)
+            self._measured = (
+                increment,
+                measure(self.skin_at(increment), landmarks, self.case.skin, self.case.unseen),
+            )
         return self._measured[1]
 
     def relax(

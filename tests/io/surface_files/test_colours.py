@@ -1,5 +1,7 @@
 """Colours of a scan: each kind of file keeps them, and no other file than its own textures is opened."""
 
+import json
+
 import numpy as np
 import pytest
 import trimesh
@@ -139,6 +141,35 @@ def test_the_texture_of_a_glb_is_baked(tmp_path):
     expected = 255.0 * (surface.vertices[:, [0, 2]] + 100.0) / 200.0
     assert np.abs(colours_of(surface)[:, :2] - expected).max() < 12.0
     assert not colours_of(surface)[:, 2].any()
+
+
+@pytest.mark.parametrize("move", [{"offset": [0.25, 0.0], "scale": [0.5, 0.5]}, {"rotation": 0.5 * np.pi}])
+def test_places_in_the_picture_of_a_glb_move_as_its_extension_says(tmp_path, move):
+    """The same picture through KHR_texture_transform, whose formula is written out here, and without it."""
+    uv = np.array([[0.2, 0.3], [0.8, 0.3], [0.5, 0.7], [0.2, 0.3], [0.5, 0.7], [0.3, 0.9]])
+    level = np.arange(256, dtype=np.uint8)
+    picture = np.zeros((256, 256, 3), dtype=np.uint8)
+    picture[..., 0], picture[..., 1] = level[None], level[:, None]  # row and column from the upper left
+    points = np.array([[0, 0, 0], [9, 0, 0], [5, 9, 0], [0, 0, 9], [5, 9, 9], [0, 9, 5]], dtype=float)
+    mesh = trimesh.Trimesh(points, [[0, 1, 2], [3, 4, 5]], process=False)
+    mesh.visual = TextureVisuals(uv=uv, material=PBRMaterial(baseColorTexture=Image.fromarray(picture)))
+    content = mesh.export(file_type="glb")
+    length = int.from_bytes(content[12:16], "little")
+    scene = json.loads(content[20 : 20 + length])
+    extension = {"KHR_texture_transform": move}
+    scene["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["extensions"] = extension
+    text = json.dumps(scene).encode()
+    text += b" " * (-len(text) % 4)
+    parts = len(text).to_bytes(4, "little") + b"JSON" + text + content[20 + length :]
+    (tmp_path / "a.glb").write_bytes(content[:8] + (12 + len(parts)).to_bytes(4, "little") + parts)
+    u, v = uv.T * [[1.0], [-1.0]] + [[0.0], [1.0]]
+    u, v = u * move.get("scale", [1, 1])[0], v * move.get("scale", [1, 1])[1]
+    c, s = np.cos(move.get("rotation", 0.0)), np.sin(move.get("rotation", 0.0))
+    u, v = c * u + s * v + move.get("offset", [0, 0])[0], -s * u + c * v + move.get("offset", [0, 0])[1]
+    inside = colours_of(read_surface(tmp_path / "a.glb"))[:, :2].astype(float) / 255.0
+    expected = np.column_stack([u % 1.0, v % 1.0])
+    centre = np.repeat(expected.reshape(2, 3, 2).mean(axis=1), 3, axis=0)
+    assert np.abs(inside - (0.4 * centre + 0.6 * expected)).max() < 0.12
 
 
 def test_the_colours_of_a_morph_are_light_as_gltf_has_it(tmp_path):

@@ -69,6 +69,7 @@ def read_glb(content: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]
     whole: Any = trimesh.load_scene(
         io.BytesIO(content), file_type="glb", process=False, skip_materials=not pictures
     )
+    moves = _texture_moves(scene, list(whole.geometry))
     vertices, faces, colours, start = [], [], [], 0
     for node in whole.graph.nodes_geometry:
         matrix, name = whole.graph[node]
@@ -78,7 +79,7 @@ def read_glb(content: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]
         vertices.append(trimesh.transform_points(part.vertices, matrix))
         mirrored = np.linalg.det(matrix[:3, :3]) < 0.0
         faces.append((part.faces[:, ::-1] if mirrored else part.faces) + start)
-        colours.append(_colours(part, scene))
+        colours.append(_colours(part, scene, moves.get(name)))
         start += len(part.vertices)
     if not vertices:
         raise FormatError("it holds no triangles")
@@ -86,12 +87,42 @@ def read_glb(content: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]
     return np.concatenate(vertices), np.concatenate(faces), numbers if np.isfinite(numbers).any() else None
 
 
-def _colours(part: Any, scene: dict[str, Any]) -> np.ndarray:
-    """The colours of the vertices of a mesh, 0 to 255, NaN where there are none, shape (vertices, 3)."""
+def _texture_moves(scene: dict[str, Any], names: list[str]) -> dict[str, np.ndarray]:
+    """How places in pictures move by the extension KHR_texture_transform, for each mesh that has it, shape (2, 3).
+
+    The extension scales, then turns, then shifts places that count from the upper left corner.
+    """
+    parts = _primitives(scene)
+    if len(parts) != len(names):  # trimesh names the primitives in their order
+        return {}
+    moves = {}
+    for name, part in zip(names, parts, strict=True):
+        material = scene.get("materials", [])[part["material"]] if "material" in part else {}
+        picture = material.get("pbrMetallicRoughness", {}).get("baseColorTexture", {})
+        move = picture.get("extensions", {}).get("KHR_texture_transform")
+        if move is None:
+            continue
+        c, s = np.cos(move.get("rotation", 0.0)), np.sin(move.get("rotation", 0.0))
+        turn = np.array([[c, s], [-s, c]]) * move.get("scale", [1.0, 1.0])
+        moves[name] = np.column_stack([turn, move.get("offset", [0.0, 0.0])])
+    return moves
+
+
+def _colours(part: Any, scene: dict[str, Any], move: np.ndarray | None) -> np.ndarray:
+    """The colours of the vertices of a mesh, 0 to 255, NaN where there are none, shape (vertices, 3).
+
+    Args:
+        part: as trimesh read it.
+        scene: the file's own.
+        move: of the places in its picture (`_texture_moves`).
+    """
     found, visual = np.full((len(part.vertices), 3), np.nan), part.visual
     linear = "trimesh" not in scene.get("asset", {}).get("generator", "")  # which writes them as they are
     if visual.kind == "texture" and getattr(visual.material, "baseColorTexture", None) is not None:
-        uv = np.zeros((len(found), 2)) if visual.uv is None else visual.uv
+        uv = np.zeros((len(found), 2)) if visual.uv is None else np.asarray(visual.uv)
+        if move is not None:
+            down = uv * [1.0, -1.0] + [0.0, 1.0]  # trimesh counts from the lower left corner
+            uv = (down @ move[:, :2].T + move[:, 2]) * [1.0, -1.0] + [0.0, 1.0]
         seen = corner_colours(uv[part.faces], material_of(visual)).reshape(-1, 3)
         found = mean_colours(seen, part.faces.reshape(-1), len(found))
         if (own := visual.vertex_attributes.get("color")) is not None:

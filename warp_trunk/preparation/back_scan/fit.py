@@ -23,7 +23,7 @@ from ..deformity.spine_curve import VertebraPose
 from .body import StraightBody, made_body
 from .bones import all_under_skin, forward_under_skin, ribs_on_vertebrae
 from .frame import PelvisFrame, check_on_scan, find_frame
-from .scan import BackScan, clean_scan
+from .scan import BackScan, check_inside, clean_scan
 from .spine import TURN_SD, PlacedSpine, place_spine, poses_of, turns_of
 from .warping import ScanField, draw_to_scan, on_trunk, seen_by, warp_onto
 
@@ -47,7 +47,7 @@ class FittedBack:
     scan: BackScan
     """The points of the trunk, in the frame of the scan."""
     left_out: np.ndarray
-    """Points beyond the trunk: arms, hair, clothes, stray points [mm], shape (m, 3)."""
+    """Points beyond the trunk: surroundings, arms, hair, clothes, stray points [mm], shape (m, 3)."""
     distance: np.ndarray
     """From each point of the scan to the skin [mm], shape (n,)."""
     body: str
@@ -100,9 +100,9 @@ def fit_back(
     """
     back, line, marks = files
     held = back_markers(markers, what=marks)
-    scan = clean_scan(points, spine.line, back)
+    scan = clean_scan(points, spine.line, back, line)
     check_on_scan(markers, scan.points, marks)
-    check_inside(scan, spine.line, back, line)
+    check_inside(scan.points, spine.line, back, line)
     body = body or made_body()
     rise: np.ndarray | float = 0.0
     placings = 0
@@ -142,32 +142,6 @@ def fit_back(
         landmarks_before=Landmarks(landmarks.names, frame.to_patient(landmarks.points)),
     )
     return FittedBack(case, seen, kept, everything, distance, body.name, frame.scale, forward, frame.moved)
-
-
-def check_inside(scan: BackScan, line: np.ndarray, back: str, spine: str) -> None:
-    """InputError where the spine does not lie in front of the skin of a back."""
-    from scipy.spatial import KDTree  # heavy
-
-    inner = line[(line[:, 2] > scan.points[:, 2].min()) & (line[:, 2] < scan.points[:, 2].max())]
-    if len(inner) < 3:
-        cure = "give both in one frame, in mm and LPS"
-        raise InputError(f"{spine}: has {len(inner)} points at the heights of the scan {back}; {cure}")
-    gap, near = KDTree(scan.points[:, [0, 2]]).query(inner[:, [0, 2]])
-    beside = int(np.argmax(gap))
-    if gap[beside] > 60.0:
-        cure = "give both in one frame, in mm and LPS"
-        raise InputError(f"{spine}: lies {gap[beside]:.0f} mm beside the scan {back}; {cure}")
-    depth = float(np.median(scan.points[near, 1] - inner[:, 1]))
-    if depth < 0.0:
-        cure = "scan the back, or turn the axes to LPS with +y to the back"
-        raise InputError(
-            f"{back}: lies {-depth:.0f} mm in front of the spine, so it is a scan of the front; {cure}"
-        )
-    if not 15.0 <= depth <= 180.0:
-        rule = (
-            f"{spine}: lies outside the body, {depth:.0f} mm in front of the skin of the back (15 to 180 is usual)"
-        )
-        raise InputError(f"{rule}; give spine and scan in one frame, in mm")
 
 
 def _fitted(

@@ -10,9 +10,9 @@ import numpy as np
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.scanned_points import in_cubes, without_bumps
+from warp_trunk.geometry.back_points import find_back
+from warp_trunk.geometry.scanned_points import in_cubes
 from warp_trunk.geometry.surface import area_vectors, unit
-from warp_trunk.geometry.surface_checks import linked_parts
 from warp_trunk.spine.spine import asis_axis
 
 from ..deformity.patient_spine import PatientSpine, spine_line
@@ -21,10 +21,8 @@ from .body import posterior_spines
 
 FEWEST = 2000
 """A scan of fewer points shows no back."""
-EXTENT = (250.0, 2500.0)
-"""The largest extent of a scan is between these [mm]."""
-_APART = 15.0
-"""Points farther than this from the rest [mm] are a piece of their own."""
+EXTENT = (250.0, 10000.0)
+"""The largest extent of a scan with its surroundings is between these [mm]."""
 _NEIGHBOURS = 24
 _AT_RIM = 0.35
 """At the rim of a scan the middle of the points around one is off by more than this part of their distance."""
@@ -45,12 +43,14 @@ class BackScan:
     given: int
     """How many points were read."""
     stray: np.ndarray
-    """Points apart from the largest piece, and markers, straps and hair on it [mm], shape (m, 3)."""
+    """Surroundings, and markers, straps and hair on the skin [mm], shape (m, 3)."""
+    noise: float
+    """Standard deviation of the points about the skin [mm]."""
 
     def chosen(self, kept: np.ndarray) -> BackScan:
         """The scan of the points that are kept, bool, shape (n,)."""
         rows = self.points[kept], self.normals[kept], self.areas[kept], self.rim[kept]
-        return BackScan(*rows, self.given, self.stray)
+        return BackScan(*rows, self.given, self.stray, self.noise)
 
     def carried(self, carry: Callable[[np.ndarray], np.ndarray], rotation: np.ndarray) -> BackScan:
         """The scan in another frame: points by a map, normals by its rotation (3, 3)."""
@@ -58,17 +58,19 @@ class BackScan:
         return replace(self, points=carry(self.points), normals=normals, stray=carry(self.stray))
 
 
-def clean_scan(points: np.ndarray, inner: np.ndarray, what: str = "back") -> BackScan:
-    """Average what was measured twice, leave out pieces apart and what sticks on the skin, and find the normals.
+def clean_scan(points: np.ndarray, inner: np.ndarray, what: str = "back", spine: str = "spine") -> BackScan:
+    """Find the skin of the back (`find_back`), leave out its surroundings and what stands on it, and find normals.
 
     Args:
         points: as read, in mm and LPS, shape (n, 3).
         inner: points inside the body from top to bottom, such as the line of the spine: normals point away from
             it, shape (m, 3) [mm].
         what: name of the scan in an error.
+        spine: name of `inner` in an error.
 
     Raises:
-        InputError: fewer than `FEWEST` points, or a scan that is too large or too small for a back in mm.
+        InputError: fewer than `FEWEST` points, a scan that is too large or too small for a back in mm, or one that
+            does not lie behind the spine.
     """
     from scipy.spatial import KDTree  # heavy
 
@@ -78,16 +80,17 @@ def clean_scan(points: np.ndarray, inner: np.ndarray, what: str = "back") -> Bac
     extent = float(np.ptp(points, axis=0).max())
     if not EXTENT[0] <= extent <= EXTENT[1]:
         fits = [f"--units {unit}" for unit, size in (("cm", 10.0), ("m", 1000.0)) if 250 <= extent * size <= 2500]
-        rule = f"a back in mm extends over {EXTENT[0]:g} to {EXTENT[1]:g}"
+        rule = f"a back in mm extends over 250 to 2500, and its surroundings to {EXTENT[1]:g}"
         raise InputError(f"{what}: extends over {extent:.4g}, and {rule}; give {(*fits, 'it in mm')[0]}")
-    thin = in_cubes(points)[0]
-    bump = without_bumps(thin, np.array([1.0, 0.0]))[1]
-    loose, thin = thin[bump], thin[~bump]
-    tree = KDTree(thin)
-    pairs = tree.query_pairs(_APART, output_type="ndarray")
-    piece = linked_parts(pairs[:, 0], pairs[:, 1], len(thin))
-    main = piece == np.bincount(piece).argmax()
-    stray, thin = np.vstack([loose, thin[~main]]), thin[main]
+    try:
+        found = find_back(points, inner, np.array([1.0, 0.0]), what)
+    except InputError:
+        check_inside(in_cubes(points)[0], inner, what, spine)
+        raise
+    thin = found.skin[~found.bridged]
+    if not found.smoothed:  # the front of a body that was scanned from all sides belongs to it
+        thin = np.vstack([thin, found.hidden])
+    stray = np.vstack([found.raised, found.surroundings])
     distance, near = KDTree(thin).query(thin, k=min(_NEIGHBOURS, len(thin)))
     around = thin[near] - thin[near].mean(axis=1, keepdims=True)
     normals = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))[1][:, :, 0]
@@ -104,7 +107,34 @@ def clean_scan(points: np.ndarray, inner: np.ndarray, what: str = "back") -> Bac
         rim=off > _AT_RIM * reach,
         given=len(points),
         stray=stray,
+        noise=found.noise,
     )
+
+
+def check_inside(points: np.ndarray, line: np.ndarray, back: str, spine: str) -> None:
+    """InputError where the spine does not lie in front of the skin of a back."""
+    from scipy.spatial import KDTree  # heavy
+
+    inner = line[(line[:, 2] > points[:, 2].min()) & (line[:, 2] < points[:, 2].max())]
+    if len(inner) < 3:
+        cure = "give both in one frame, in mm and LPS"
+        raise InputError(f"{spine}: has {len(inner)} points at the heights of the scan {back}; {cure}")
+    gap, near = KDTree(points[:, [0, 2]]).query(inner[:, [0, 2]])
+    beside = int(np.argmax(gap))
+    if gap[beside] > 60.0:
+        cure = "give both in one frame, in mm and LPS"
+        raise InputError(f"{spine}: lies {gap[beside]:.0f} mm beside the scan {back}; {cure}")
+    depth = float(np.median(points[near, 1] - inner[:, 1]))
+    if depth < 0.0:
+        cure = "scan the back, or turn the axes to LPS with +y to the back"
+        raise InputError(
+            f"{back}: lies {-depth:.0f} mm in front of the spine, so it is a scan of the front; {cure}"
+        )
+    if not 15.0 <= depth <= 180.0:
+        rule = (
+            f"{spine}: lies outside the body, {depth:.0f} mm in front of the skin of the back (15 to 180 is usual)"
+        )
+        raise InputError(f"{rule}; give spine and scan in one frame, in mm")
 
 
 _FACING = -0.15

@@ -25,6 +25,8 @@ _FROM_SACRUM = 12.0
 """The lowest vertebra is nearer to the sacrum than this [mm]: their joints touch."""
 _ALIKE = 3
 """If this many ribs of a side lie at another vertebra than their number states, the numbering is wrong."""
+_OTHER_SIZE = 0.0005
+"""Voxels of images of one scan differ in size by less than this part."""
 _APART, _OUTSIDE, _SAMPLE = 1.0, 0.05, 500
 """Headers of one image place a voxel alike within this [mm]; more than this share of a bone outside the body says
 that they do not fit; number of voxels of a bone that are tried."""
@@ -202,7 +204,14 @@ def doubts_of_extents(others: Mapping[str, Mask], bones: Mapping[str, Mask]) -> 
     for name, mask in others.items():
         if mask.shape == one.shape:
             apart = np.linalg.norm(mask.corners(whole=True) - one.corners(whole=True), axis=1).max()
-            if apart > max(_APART, one.spacing.max()):
+            sizes = mask.spacing / one.spacing
+            if np.abs(sizes - 1.0).max() > _OTHER_SIZE:
+                what = f"has voxels of {sizes[np.abs(sizes - 1.0).argmax()]:.4f} times the size of the labels'"
+                far = f"and as many of them, so that one is wrong by up to {apart:.1f} mm"
+                doubts.append(
+                    f"{name[0].upper()}{name[1:]} {what}, {far}; write both with the header of one image."
+                )
+            elif apart > max(_APART, one.spacing.max()):
                 what = f"has as many voxels as the labels, but its header puts them up to {apart:.0f} mm elsewhere"
                 doubts.append(f"{name[0].upper()}{name[1:]} {what}; write both with the header of one image.")
         if name != "the body":

@@ -1,0 +1,171 @@
+"""The skin of a back in scans with surroundings, hair and noise, where the skin is known."""
+
+import numpy as np
+import pytest
+
+from support.asserting import there
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.back_points import NOISY, find_back
+from warp_trunk.geometry.raised import DepthGrid, bridge
+from warp_trunk.measures import measure_back
+
+LEFT = np.array([1.0, 0.0])
+TURN = np.radians(7.0)
+
+
+def depth_at(x, z):
+    """A back between 0 and 420 mm that is turned by 7 degrees and twisted, with a furrow along its spine."""
+    return 100.0 - np.tan(TURN) * (z / 420.0) * x - x**2 / 250.0 - 9.0 * np.exp(-((x / 28.0) ** 2))
+
+
+def places(step=3.0, half=145.0):
+    x, z = np.meshgrid(np.arange(-half, half, step), np.arange(-20.0, 440.0, step))
+    rng = np.random.default_rng(3)
+    return np.column_stack([x.ravel(), z.ravel()]) + rng.uniform(-0.8, 0.8, (x.size, 2))
+
+
+def scan(*, noise=0.1, hair=None, seed=0):
+    at = places()
+    y = depth_at(*at.T) + np.random.default_rng(seed).normal(0.0, noise, len(at))
+    if hair is not None:
+        y += hair(*at.T)
+    return np.column_stack([at[:, 0], y, at[:, 1]])
+
+
+def plane(x, y, z, step=7.0):
+    """Points of a plane: two of the three are ranges, one is a number."""
+    sides = [np.arange(*one, step) if isinstance(one, tuple) else np.array([float(one)]) for one in (x, y, z)]
+    points = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 3)
+    return points + np.random.default_rng(1).normal(0.0, 0.4, points.shape)
+
+
+LINE = np.column_stack([np.zeros(50), np.full(50, 40.0), np.linspace(400.0, 5.0, 50)])
+MARKERS = Landmarks(
+    ("C7", "PSIS_left", "PSIS_right"), np.array([[0.0, 91.0, 400.0], [50.0, 86.0, 0.0], [-50.0, 86.0, 0.0]])
+)
+
+
+def measured(points):
+    return measure_back(points, LINE, MARKERS)
+
+
+@pytest.fixture(scope="module")
+def known():
+    """Rotation by level of the skin without noise."""
+    return {level: there(one).rotation for level, one in measured(scan(noise=0.0)).levels.items()}
+
+
+def errors(found, known):
+    """The error of each level that has a rotation."""
+    pairs = ((one and one.rotation, known[level]) for level, one in found.levels.items())
+    return np.array([np.nan if angle is None else abs(angle - right) for angle, right in pairs])
+
+
+WIDE, HIGH = (-800.0, 800.0), (-300.0, 900.0)
+SIDES = (-500.0, -148.0), (148.0, 500.0)
+SURROUNDINGS = {
+    "a wall 200 mm in front": plane(WIDE, -150.0, HIGH),
+    "a wall 1 m in front": plane(WIDE, -1000.0, HIGH),
+    "a wall 1 m behind": plane(WIDE, 1000.0, HIGH),
+    "a table that the flanks touch": np.vstack([plane(side, 12.0, (-100.0, 500.0)) for side in SIDES]),
+    "a floor through the hips": plane(WIDE, (-600.0, 600.0), -15.0),
+    "the front of the body": scan() - [0.0, 350.0, 0.0],
+    "the back of a chair beside it": plane((160.0, 420.0), 60.0, (-20.0, 300.0)),
+}
+
+
+@pytest.mark.parametrize("name", SURROUNDINGS)
+def test_what_surrounds_a_back_is_left_out_and_counted(name, known):
+    around = SURROUNDINGS[name]
+    found = measured(np.vstack([scan(), around]))
+    assert errors(found, known).max() < 0.5
+    left = len(there(found.scan).surroundings) + len(there(found.scan).hidden)
+    assert left > 0.8 * len(np.unique(np.floor(around / 3.0), axis=0))
+    assert f"{left} of " in found.text()
+
+
+def test_a_clean_scan_is_the_back_alone():
+    points = scan()
+    found = find_back(points, LINE, LEFT)
+    assert len(found.surroundings) + len(found.hidden) <= 0.001 * len(points)
+    assert not found.stands
+    assert not found.smoothed
+    assert found.noise == pytest.approx(0.1, rel=0.25)
+    assert measured(points).notes == ()
+
+
+def plait(profile, width=50.0, height=12.0, end=250.0, aside=0.0):
+    def hair(x, z):
+        u = np.minimum(2.0 * np.abs(x - aside) / width, 1.0)
+        form = {"box": u < 1.0, "round": np.sqrt(1.0 - u * u), "cosine": np.cos(np.pi / 2.0 * u)}[profile]
+        return np.where(z > end, height * form, 0.0)
+
+    return hair
+
+
+@pytest.mark.parametrize("profile", ["box", "round", "cosine"])
+@pytest.mark.parametrize("aside", [0.0, 45.0])
+def test_a_plait_does_not_turn_the_back(profile, aside, known):
+    """Each level is right within a degree, or left out because it depends on the skin under the plait."""
+    points = scan(hair=plait(profile, aside=aside))
+    found = measured(points)
+    error = errors(found, known)
+    assert np.nanmax(error) < 1.0
+    below = [k for k, one in enumerate(found.levels.values()) if there(one).height < 230.0]
+    assert np.isfinite(error[below]).all()
+    upper = {level for level, one in found.levels.items() if there(one).height > 260.0}
+    told = {level for level, one in found.levels.items() if there(one).bridged} | found.missing.keys()
+    assert upper <= told
+    on = there(found.scan).raised
+    assert (on[:, 2] > 235.0).mean() > 0.98
+    assert (np.abs(on[:, 0] - aside) < 33.0).mean() > 0.98
+    for level in upper:
+        assert level in found.text().split("Positive:")[1]
+
+
+def test_hair_over_the_whole_upper_back_leaves_its_levels_out(known):
+    found = measured(scan(hair=lambda x, z: np.where((np.abs(x - 20.0) < 80.0) & (z > 220.0), 15.0, 0.0)))
+    error = errors(found, known)
+    assert np.nanmax(error) < 1.0
+    assert {level for level, one in found.levels.items() if there(one).height > 245.0} <= found.missing.keys()
+
+
+def splats(sd, seed):
+    rng = np.random.default_rng(seed)
+    points = scan(noise=0.0)
+    points += rng.normal(0.0, sd, points.shape)
+    low, high = points.min(axis=0) - 100.0, points.max(axis=0) + 100.0
+    return np.vstack([points, rng.uniform(low, high, (len(points) // 20, 3))])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_points_of_apps_are_smoothed_and_their_noise_is_in_the_intervals(seed, known):
+    found = measured(splats(3.0, seed))
+    scanned = there(found.scan)
+    assert scanned.smoothed
+    assert scanned.noise == pytest.approx(3.0, rel=0.25)
+    assert scanned.error < 0.3 * scanned.noise
+    error = errors(found, known)
+    assert np.isfinite(error).all()
+    assert error.max() < 1.6
+    assert np.sqrt(np.mean(error**2)) < 1.0
+    rows = [row for row in found.measured() if row.quantity == "bsr_deg"]
+    inside = [there(row.low) <= known[row.level] <= there(row.high) for row in rows]
+    assert np.mean(inside) > 0.8
+    assert "scatter by" in found.text()
+    assert NOISY < 1.0
+
+
+def test_a_spine_that_does_not_meet_the_scan_is_said():
+    for shift in ([300.0, 0.0, 0.0], [0.0, -500.0, 0.0], [0.0, 0.0, 2000.0]):
+        with pytest.raises(InputError, match="no part of it lies behind the spine"):
+            find_back(scan() + shift, LINE, LEFT)
+
+
+def test_a_bridge_over_a_cylinder_is_the_cylinder():
+    x, z = np.meshgrid(np.arange(40) * 4.0, np.arange(40) * 4.0, indexing="ij")
+    depth = 50.0 - (x - 70.0) ** 2 / 300.0 + 0.1 * z
+    part = (np.abs(x - 80.0) < 25.0) & (np.abs(z - 80.0) < 40.0)
+    spoilt = DepthGrid(np.where(part, depth + 9.0, depth), np.zeros(2), 4.0)
+    np.testing.assert_allclose(bridge(spoilt, ~part, part)[part], depth[part], atol=0.8)

@@ -1,0 +1,44 @@
+"""Texts of points as scanners and spreadsheets write them."""
+
+import numpy as np
+import pytest
+
+from warp_trunk.errors import InputError
+from warp_trunk.io.point_files import read_points
+
+POINTS = np.array([[283.01, -1171.53, 12.5], [1.5, 2.25, -3.0]])
+TEXTS = {
+    "semicolons and decimal commas": "283,01;-1171,53;12,5\n1,5;2,25;-3\n",
+    "blanks and decimal commas": "283,01 -1171,53 12,5\n1,5 2,25 -3,0\n",
+    "tabs, decimal commas and colours": "283,01\t-1171,53\t12,5\t7\n1,5\t2,25\t-3,0\t255\n",
+    "commas": "x,y,z\n283.01,-1171.53,12.5\n1.5,2.25,-3.0\n",
+    "commas and blanks": "283.01, -1171.53, 12.5\n1.5, 2.25, -3.0\n",
+    "semicolons": "283.01;-1171.53;12.5\n1.5;2.25;-3.0\n",
+    "y before x": "y,x,z\n-1171.53,283.01,12.5\n2.25,1.5,-3.0\n",
+    "other columns first": "id;time;Z [mm];X [mm];Y [mm]\n1;0,5;12,5;283,01;-1171,53\n2;0,6;-3,0;1,5;2,25\n",
+    "titles in a comment": "# z x y\n12.5 283.01 -1171.53\n-3.0 1.5 2.25\n",
+    "a mark of the byte order": "\ufeff283.01 -1171.53 12.5\n1.5 2.25 -3.0\n",
+    "a title that names no columns": "scan of a back\n283.01 -1171.53 12.5\n1.5 2.25 -3.0\n",
+}
+
+
+@pytest.mark.parametrize("kind", TEXTS)
+def test_a_text_of_points_is_read_by_its_columns(tmp_path, kind):
+    (tmp_path / "back.xyz").write_text(TEXTS[kind], encoding="utf-8")
+    np.testing.assert_array_equal(read_points(tmp_path / "back.xyz"), POINTS)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("x,y,depth\n1,2,3\n", "z is missing"),
+        ("x,x,y\n1,2,3\n", "x, z is missing"),
+        ("1 2\n3 4\n", "fewer than three numbers"),
+        ("1 2 3\nfour 5 6\n", "four"),
+        ("1_0 2 3\n", "1_0"),
+    ],
+)
+def test_a_text_without_three_columns_is_refused(tmp_path, text, words):
+    (tmp_path / "back.csv").write_text(text)
+    with pytest.raises(InputError, match=words):
+        read_points(tmp_path / "back.csv")
