@@ -169,3 +169,9 @@ def test_a_bridge_over_a_cylinder_is_the_cylinder():
     part = (np.abs(x - 80.0) < 25.0) & (np.abs(z - 80.0) < 40.0)
     spoilt = DepthGrid(np.where(part, depth + 9.0, depth), np.zeros(2), 4.0)
     np.testing.assert_allclose(bridge(spoilt, ~part, part)[part], depth[part], atol=0.8)
+
+
+def test_a_plait_is_found_before_a_sparser_wall(known):
+    found = measured(np.vstack([scan(hair=plait("round")), SURROUNDINGS["a wall 200 mm in front"]]))
+    assert np.nanmax(errors(found, known)) < 1.0
+    assert there(found.scan).stands

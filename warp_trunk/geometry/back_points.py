@@ -109,7 +109,8 @@ def find_back(points: np.ndarray, line: np.ndarray, across: np.ndarray, what: st
         blur = float(np.clip(6.0 + 4.0 * noise, 8.0, 24.0))
         skin, error = smoothed(skin, across, noise, blur)
     seen = _from_behind(skin, across)
-    grid = depth_grid(seen[:, [0, 2]], seen[:, 1], max(4.0, 1.3 * usual))
+    cell = max(4.0, 1.3 * _usual_distance(skin))  # surroundings may be sparser than the skin
+    grid = depth_grid(seen[:, [0, 2]], seen[:, 1], cell)
     columns, rows = grid.middles
     found = find_raised(grid, columns[:, None] - _line_at(line, across, rows)[:, 0], error, blur)
     given, on = skin, np.zeros(len(skin), dtype=bool)
