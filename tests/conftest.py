@@ -1,6 +1,7 @@
 """Fixtures that tests of several rooms share. This folder is on the import path, for the package support in it."""
 
 import os
+import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -31,7 +32,7 @@ def pytest_configure() -> None:
             return compile_module(self, device, folder, *more, **options)
 
     Module._compile = once  # pyright: ignore[reportAttributeAccessIssue]
-    if (worker := os.environ.get("PYTEST_XDIST_WORKER")) and hasattr(os, "sched_setaffinity"):
+    if (worker := os.environ.get("PYTEST_XDIST_WORKER")) and sys.platform == "linux":
         cores, workers = sorted(os.sched_getaffinity(0)), int(os.environ["PYTEST_XDIST_WORKER_COUNT"])
         if share := cores[int(worker.removeprefix("gw")) % len(cores) :: workers]:
             os.sched_setaffinity(0, share)

@@ -11,10 +11,13 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import subprocess
 
 DISK_FULL = 74
 """The exit status of a child process that could not write its result: EX_IOERR, which Windows does not name."""
@@ -88,17 +91,25 @@ def usable_memory() -> float:
     return min(limits)
 
 
-def peak_memory() -> float | None:
-    """Largest resident memory of this process or one of its children so far [MB]; on Windows without children."""
+def peak_memory(*, children: bool = True) -> float:
+    """Largest resident memory of this process or one of its children so far [MB]; on Windows without children.
+
+    Alone on Linux, it does not count what its parent held when it was started, as otherwise.
+    """
     if sys.platform == "win32":
         import psutil
 
         return psutil.Process().memory_info().peak_wset / 1e6
+    if sys.platform == "linux" and not children:
+        status = Path("/proc/self/status").read_text(encoding="utf-8")
+        return (
+            next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmHWM:")) * 1024.0 / 1e6
+        )
     import resource
 
     unit = 1.0 if sys.platform == "darwin" else 1024.0
-    who = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-    return max(resource.getrusage(w).ru_maxrss for w in who) * unit / 1e6
+    own, of_children = (resource.getrusage(w).ru_maxrss for w in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return max(own, of_children if children else 0) * unit / 1e6
 
 
 _LIMIT = threading.Lock()
@@ -151,13 +162,20 @@ def ending_of(status: int) -> str:
     return f"ended with status {status}"
 
 
-def apart() -> dict[str, Any]:
-    """Arguments of `subprocess.Popen` for a program that Ctrl-C in this terminal does not end."""
-    if sys.platform == "win32":
-        import subprocess
+def start_apart(command: Sequence[str], environment: dict[str, str], output: Any) -> subprocess.Popen[bytes]:
+    """Starts a program without input that Ctrl-C in this terminal does not end; its words go to the output."""
+    import subprocess
 
-        return {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
-    return {"start_new_session": True}
+    group = subprocess.CREATE_NEW_PROCESS_GROUP if sys.platform == "win32" else 0
+    return subprocess.Popen(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=output,
+        stderr=output,
+        env=environment,
+        start_new_session=True,
+        creationflags=group,
+    )
 
 
 @contextmanager

@@ -3,7 +3,6 @@
 import json
 import os
 import platform
-import resource
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from importlib import metadata
@@ -13,7 +12,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warp_trunk import InputError
+from warp_trunk import InputError, system
 from warp_trunk.engine.energies.by_name import EnergyName
 
 
@@ -81,12 +80,7 @@ def peak_memory(device: str) -> float:
     """Highest use so far [MB, 1e6 bytes]: of the process on the CPU, of the memory pool on CUDA."""
     if device != "cpu":
         return wp.get_mempool_used_mem_high(device) / 1e6
-    status = Path("/proc/self/status")
-    for line in status.read_text(encoding="utf-8").splitlines() if status.exists() else ():
-        if line.startswith("VmHWM:"):
-            return float(line.split()[1]) * 1024.0 / 1e6
-    # elsewhere; on Linux it would count what the parent held as well
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024.0 / 1e6
+    return system.peak_memory(children=False)
 
 
 def hardware(device: str) -> str:
@@ -96,7 +90,7 @@ def hardware(device: str) -> str:
     info = Path("/proc/cpuinfo")
     lines = info.read_text(encoding="utf-8").splitlines() if info.exists() else []
     names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return f"{names[0] if names else platform.machine()}, {len(os.sched_getaffinity(0))} cores"
+    return f"{names[0] if names else platform.machine()}, {system.usable_cores()} cores"
 
 
 def versions() -> dict[str, str]:

@@ -5,7 +5,6 @@ The same damage on every machine; `pytest -m search` tries new damage, see docs/
 
 import os
 import re
-import resource
 import secrets
 import warnings
 from collections.abc import Callable, Iterable
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 import pytest
 from voxelise_case import write_labels
 
@@ -186,7 +186,7 @@ READERS: dict[str, tuple[str, Callable[[Path], object], Callable[[Path], object]
 
 def gigabytes() -> float:
     """Memory of the process [GB]."""
-    return int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[1]) * resource.getpagesize() / 1e9
+    return psutil.Process().memory_info().rss / 1e9
 
 
 def read_damaged(reader: str, folder: Path, seeds: Iterable[int]) -> None:

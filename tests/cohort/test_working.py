@@ -3,7 +3,6 @@
 import dataclasses
 import json
 import os
-import signal
 import sys
 import threading
 import time
@@ -44,7 +43,7 @@ def killed_at_work(out: Path) -> Iterator[list[int]]:
             for lock in out.glob(f"*/{LOCK}"):
                 text = lock.read_text(encoding="utf-8").strip() if lock.exists() else ""
                 if text and int(text) != os.getpid():
-                    os.kill(int(text), signal.SIGKILL)
+                    psutil.Process(int(text)).kill()
                     killed.append(int(text))
                     return
 

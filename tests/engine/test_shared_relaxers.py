@@ -30,6 +30,7 @@ from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
 from warp_trunk.engine.state import State
 from warp_trunk.errors import InputError
 
+needs_posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no fork and no timer of signals")
 TRUNK = block_with_bone((7, 5, 5), holes=((1, 2, 2), (5, 2, 2)))
 OPTIONS = SimulationOptions(increments=3, relax=RelaxOptions(tolerance=0.01))
 
@@ -64,6 +65,7 @@ def lifted() -> np.ndarray:
 
 def interrupt_often(count: int) -> None:
     """Interrupts simulations at random times, each followed by a whole one; run in a process of its own."""
+    assert sys.platform != "win32"
     own = model()
     relaxer = Relaxer(own, OPTIONS.relax)
 
@@ -93,6 +95,7 @@ def interrupt_often(count: int) -> None:
     raise AssertionError(interrupted)
 
 
+@needs_posix
 def test_an_interrupted_relaxer_is_as_usable_as_new() -> None:
     """Its threads hung or failed in 22 of 24 cases."""
     here = Path(__file__)
@@ -247,8 +250,10 @@ def test_threads_of_one_process_take_turns() -> None:
     assert all(each == wanted[number] for number, each in found)
 
 
+@needs_posix
 def test_refuses_in_a_forked_process() -> None:
     """It has none of the threads; it hung."""
+    assert sys.platform != "win32"
     own = model()
     relaxer = Relaxer(own, OPTIONS.relax)
     list(simulate(own, turned(), OPTIONS, relaxer=relaxer))
@@ -262,7 +267,9 @@ def test_refuses_in_a_forked_process() -> None:
     assert os.waitpid(child, 0)[1] == 0
 
 
+@needs_posix
 def test_a_model_without_threads_serves_a_forked_process() -> None:
+    assert sys.platform != "win32"
     own = model_of(TRUNK, energy="neo-hookean", device=split_launches(1))
     wanted = outcome(list(simulate(own, turned(), OPTIONS))[-1])
     if (child := os.fork()) == 0:

@@ -3,7 +3,6 @@
 import errno
 import os
 import shutil
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -52,6 +51,7 @@ def test_a_folder_is_left_by_names_and_by_links(tmp_path):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux holds the limit")
 def test_a_library_that_asks_for_too_much_is_stopped_and_the_limit_taken_back():
+    assert sys.platform == "linux"
     import resource
 
     before = resource.getrlimit(resource.RLIMIT_AS)
@@ -200,7 +200,7 @@ def test_the_second_process_is_refused_until_the_first_is_killed(tmp_path: Path)
                 pass
             assert str(error.value).startswith(str(tmp_path / name))
     finally:
-        process.send_signal(signal.SIGKILL)
+        process.kill()
         process.wait()
     with locked(tmp_path / "link"):
         assert (tmp_path / "result" / LOCK).read_text(encoding="utf-8") == f"{os.getpid()}\n"

@@ -10,12 +10,12 @@ import io
 import json
 import multiprocessing
 import os
-import signal
 import sys
 import time
 from pathlib import Path
 from typing import Any
 
+import psutil
 import warp as wp
 
 from warp_trunk.engine.relaxation import RelaxOptions
@@ -37,7 +37,7 @@ def kill_at_move(number: int) -> None:
     def move(*names: Any, **more: Any) -> None:
         if ".partial" not in Path(names[1]).name:
             if left[0] == 0:
-                os.kill(os.getpid(), signal.SIGKILL)
+                psutil.Process().kill()
             left[0] -= 1
         moved(*names, **more)
 
@@ -72,6 +72,8 @@ def main(folder: Path, moments: int) -> None:
             simulation=steps, from_mesh=folder / "tissue.vtu", device="cpu", precision="float64", record=record
         )
         simulate(case, folder=folder / name, options=options, progress=Progress(io.StringIO()), warnings=())
+
+    assert sys.platform != "win32"
 
     def forked(name: str, move: int | None = None, second: float | None = None) -> int | None:
         child = multiprocessing.get_context("fork").Process(target=run, args=(name, move))

@@ -16,7 +16,7 @@ from warp_trunk.case.folders import other_kind
 from warp_trunk.errors import InputError, as_path
 from warp_trunk.io.atomic_write import partial
 from warp_trunk.io.result_files import RECORDING, SUMMARY
-from warp_trunk.system import apart
+from warp_trunk.system import start_apart
 
 if TYPE_CHECKING:
     from http.server import ThreadingHTTPServer
@@ -121,10 +121,7 @@ def viewer_environment() -> dict[str, str]:
 
 def _started(*arguments: str, output: Any = subprocess.DEVNULL) -> subprocess.Popen[bytes]:
     """A viewer that outlives this program."""
-    return subprocess.Popen(
-        viewer_command(*arguments), stdin=subprocess.DEVNULL, stdout=output, stderr=output,
-        env=viewer_environment(), **apart(),
-    )  # fmt: skip
+    return start_apart(viewer_command(*arguments), viewer_environment(), output)
 
 
 def stop(process: subprocess.Popen[bytes]) -> None:
