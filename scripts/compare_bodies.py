@@ -25,7 +25,7 @@ import tyro
 from synthetic_patient import curve_of, draw
 from trunks import read_trunk, trunks_in
 
-from warp_trunk import InputError, RunOptions, SpineCurve, make_case
+from warp_trunk import Execution, InputError, RunOptions, SpineCurve, make_case
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_surgery
 from warp_trunk.bone_motion.rib_cage import ends
 from warp_trunk.case import Case
@@ -214,7 +214,7 @@ def _curve(task: tuple[Path, Kind], options: Options) -> list[Outcome]:
     """The plans for one body with one curve."""
     skin, bones = read_trunk(task[0])
     curve = SpineCurve(kind=task[1], cobb=CURVES[task[1]], kyphosis=24.0)
-    patient = patient_of(make_case(skin, bones, curve, 0.65), _run(options))
+    patient = patient_of(make_case(skin, bones, curve, 0.65), _run(options), execution=_execution(options))
     return [
         operated(
             patient,
@@ -242,7 +242,7 @@ def _drawn(task: tuple[int, list[Path]], options: Options) -> tuple[Outcome, Kin
         drawn = draw(random, cobb=(45.0, 75.0), truth={}, bending=False)
         try:
             case = make_case(skin, bones, curve_of(drawn), drawn.correction)
-            patient = patient_of(case, _run(options))
+            patient = patient_of(case, _run(options), execution=_execution(options))
             return operated(patient, plan_for(drawn.kind, drawn.correction)), drawn.kind, refused
         except InputError as error:
             if not str(error).startswith("curve:"):
@@ -393,9 +393,12 @@ def _run(options: Options) -> RunOptions:
         mesh=MeshOptions(tets=options.tets),
         simulation=SimulationOptions(increments=options.increments),
         precision=options.precision,
-        device=options.device,
-        threads=0 if options.jobs == 1 else max(1, choose_threads(0) // options.jobs),
     )
+
+
+def _execution(options: Options) -> Execution:
+    threads = 0 if options.jobs == 1 else max(1, choose_threads(0) // options.jobs)
+    return Execution(device=options.device, threads=threads)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ rotation of the back from the fitted case less that from the whole body, and the
 
 import argparse
 import json
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,17 @@ from typing import Any
 import numpy as np
 from trunks import read_trunk
 
-from warp_trunk import Case, CurvePlan, Landmarks, Plan, simulate
+from warp_trunk import (
+    Case,
+    CurvePlan,
+    Execution,
+    Landmarks,
+    MeshOptions,
+    Plan,
+    RunOptions,
+    SimulationOptions,
+    simulate,
+)
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.measures.quantities import BEFORE, PREDICTED
@@ -33,7 +42,7 @@ CURVES = {
 """Curves and the vertebrae between which they are corrected."""
 LEVELS = VERTEBRAE[3:16]
 CORRECTION = 0.65
-OPTIONS: Mapping[str, Any] = {"tets": 120_000, "increments": 2, "record": False}
+OPTIONS = RunOptions(mesh=MeshOptions(tets=120_000), simulation=SimulationOptions(increments=2))
 
 
 def main() -> None:
@@ -68,7 +77,7 @@ def compared(whole: Case, kind: str) -> dict[str, Any]:
     for case, which in ((whole, "whole"), (fit.case, "fitted")):
         main_curve = max(cobb_angles(case.landmarks_before), key=lambda curve: curve.angle)
         plan = Plan(uiv=uiv, liv=liv, curves=(CurvePlan(main_curve.apex, correction=CORRECTION),))
-        result = simulate(case, plan, **OPTIONS)
+        result = simulate(case, plan, OPTIONS, Execution(record=False))
         place = result.table.place("main_hump_mm") or ""
         found[which] = {
             "status": result.status.name,

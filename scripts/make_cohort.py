@@ -12,7 +12,6 @@ landmarks are refused, her truth does not converge) is drawn again, and counted.
 import dataclasses
 import json
 import math
-import os
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,7 +21,7 @@ import tyro
 from synthetic_patient import COBB, Drawn, curve_of, draw, leaning, part_of, shaped, with_landmark_errors
 from trunks import read_trunk
 
-from warp_trunk import Case, InputError, RunOptions, Surface, make_case, simulate, write_case
+from warp_trunk import Case, Execution, InputError, RunOptions, Surface, make_case, simulate, write_case
 from warp_trunk.case import check_case
 from warp_trunk.case.case import Pose, Study
 from warp_trunk.case.layers import Layers
@@ -32,7 +31,6 @@ from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.geometry.surface import vertex_normals
 from warp_trunk.meshing import MeshOptions
-from warp_trunk.run.progress import Progress
 
 SCANNER = 1.4
 """Root mean square error of the scanned skin [mm], accuracy of both papers' scanner over a mannequin ..."""
@@ -163,10 +161,8 @@ def truth(case: Case, options: Options) -> Surface:
         energy="neo-hookean",
         layers="depth",
         bones="follow",
-        record=False,
     )
-    with open(os.devnull, "w", encoding="utf-8", newline="\n") as nowhere:
-        result = simulate(case, options=run, progress=Progress(nowhere), warnings=())
+    result = simulate(case, None, run, Execution(record=False), warnings=())
     if not result.converged:
         raise InputError(f"truth: ended {result.status.name}")
     return result.skin

@@ -35,7 +35,7 @@ import warp_trunk as wt
 
 case = wt.read_case("patient")
 plan = wt.Plan(uiv="T4", liv="L1", curves=[wt.CurvePlan("T8", correction=0.65, derotation=0.4)])
-result = wt.simulate(case, plan, bands=True)
+result = wt.simulate(case, plan, wt.RunOptions(bands=True))
 result.save("results/t4_l1")
 ```
 

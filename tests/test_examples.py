@@ -12,17 +12,17 @@ import warp as wp
 
 import warp_trunk as wt
 from support.blocks import spine_and_hips
-from support.phantoms import coarse_phantom
+from support.phantoms import coarse_mesh, coarse_phantom
 from warp_trunk.preparation.phantom import straight_trunk
 from warp_trunk.report.writing import notebook_html
+
+SMALL = wt.RunOptions(mesh=coarse_mesh(), simulation=wt.SimulationOptions(increments=1))
 
 
 @pytest.fixture(scope="module")
 def result() -> wt.Result:
     """The coarse phantom, simulated once for all examples."""
-    return wt.simulate(
-        coarse_phantom(), tets=26_000, bone_voxel=8.0, bone_tolerance=2.0, increments=1, record=False
-    )
+    return wt.simulate(coarse_phantom(), None, SMALL, wt.Execution(record=False))
 
 
 LONG = {"best_plan", "close_skin", "find_landmarks", "fit_back", "make_case", "write_report"}
@@ -42,6 +42,7 @@ def test_example_of_every_public_name(
         "dataclasses": dataclasses,
         "case": coarse_phantom(),
         "result": result,
+        "small": SMALL,
         "skin": straight_trunk()[0],
         "bones": spine_and_hips(),
         "folder": tmp_path,

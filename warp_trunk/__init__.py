@@ -4,15 +4,15 @@
 
     case = wt.read_case("patient")
     plan = wt.Plan(uiv="T4", liv="L1", curves=[wt.CurvePlan("T8", correction=0.65, derotation=0.4)])
-    result = wt.simulate(case, plan, bands=True)
+    result = wt.simulate(case, plan, wt.RunOptions(bands=True))
     result.skin, result.measures, result.to_rows()
     result.save("results/t4_l1")
     wt.write_report(result)
 
 The public names are listed in `__init__.pyi`; each is imported from its package when it is first used, so that
 `import warp_trunk` costs nothing. The example in the documentation of each is run as a test; there `case` is
-`wt.phantom_case()`, `result` is `wt.simulate(case)`, `skin` and `bones` are a straight trunk, and `folder` is an
-empty folder.
+`wt.phantom_case()`, `small` are options of a small mesh, `result` is `wt.simulate(case, options=small)`, `skin`
+and `bones` are a straight trunk, and `folder` is an empty folder.
 
 Experts import more from the packages: `engine` (`Model`, `Relaxer`, and the increments one by one), `meshing`,
 `bone_motion`, `run` (`prepare`, a `PreparedPatient` for many plans, `sensitivities`), `measures`, `preparation`.

@@ -12,7 +12,9 @@ _UNSEEN = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
 class InputError(ValueError):
     """Something given to the program breaks a stated rule; the command line ends with status 2.
 
-    >>> wt.simulate(case, tets=-1)
+    A value of a wrong type is also a TypeError, a missing file a FileNotFoundError.
+
+    >>> wt.MeshOptions(tets=-1)
     Traceback (most recent call last):
     warp_trunk.errors.InputError: mesh: 'tets' must be a number from 4 to 5e+07, not -1; the nearest is 4
     """
@@ -22,18 +24,26 @@ class InputError(ValueError):
         return _UNSEEN.sub(lambda found: found[0].encode("unicode_escape").decode(), super().__str__())
 
 
+class WrongTypeError(InputError, TypeError):
+    """A value of a type that cannot be used."""
+
+
+class MissingFileError(InputError, FileNotFoundError):
+    """A file or a folder that does not exist."""
+
+
 def expect(value: object, kind: type | UnionType, name: str, cure: str) -> None:
-    """Raise InputError, which begins with `name`, for a value of another type; `cure` says where to get one."""
+    """Raise WrongTypeError, which begins with `name`, for a value of another type, and name the `cure`."""
     if not isinstance(value, kind):
         wanted = getattr(kind, "__name__", kind)
-        raise InputError(f"{name} must be of type {wanted}, not {type(value).__name__}; {cure}")
+        raise WrongTypeError(f"{name} must be of type {wanted}, not {type(value).__name__}; {cure}")
 
 
 def as_path(given: object, name: str) -> Path:
-    """A path that was given as text or pathlib.Path; InputError, which begins with `name`, for anything else."""
+    """A path that was given as text or pathlib.Path; WrongTypeError for anything else."""
     if isinstance(given, str | Path):
         return Path(given)
-    raise InputError(f"{name} must be a path, as text or pathlib.Path, not {type(given).__name__}; give one")
+    raise WrongTypeError(f"{name} must be a path, as text or pathlib.Path, not {type(given).__name__}; give one")
 
 
 def within(value: float, bound: float) -> str:

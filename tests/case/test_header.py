@@ -12,7 +12,7 @@ from support.small_case import small_case
 from warp_trunk.case import read_case, write_case
 from warp_trunk.case.case import Study
 from warp_trunk.case.header import CaseHeader, header_text, read_header
-from warp_trunk.case.layers import Constants, Layers, LayerTable, read_layers
+from warp_trunk.case.layers import Layers, LayerTable, read_layers
 from warp_trunk.case.tissue_file import constant_of, read_tissue_file, with_constants, write_tissue_file
 from warp_trunk.case.uncertainty import ON_BONES, Uncertainty, state_bone_landmarks
 from warp_trunk.engine.tissue import Tissue
@@ -42,7 +42,7 @@ def test_every_table_comes_back(tmp_path: Path, name: str, study: Study) -> None
         tissue=Tissue(epsilon=0.1 + 0.2, theta=1e-9, density=1e17, youngs_modulus=3),
         uncertainty=Uncertainty(cobb=0.1 + 0.2, theta=7),
         study=study,
-        layers=LayerTable(skin_thickness=2.1, fat_thickness='fat "1".txt', mesh="a.vtu", fat=Constants(theta=0.3)),
+        layers=LayerTable(skin_thickness=2.1, fat_thickness='fat "1".txt', mesh="a.vtu", fat={"theta": 0.3}),
     )
     assert read(tmp_path, header_text(header)) == header
     assert ("[study]" in header_text(header)) == (study != Study())
@@ -61,16 +61,13 @@ def test_every_table_comes_back(tmp_path: Path, name: str, study: Study) -> None
         ("[study]\nvirtual = true\nsynthetic = true", "unknown key 'study.virtual'"),
         ("[layers]\nfat_thicknes = 1", "'layers.fat_thicknes' (did you mean 'layers.fat_thickness'?"),
         ("[layers]\nfat_thickness = true", "'layers.fat_thickness' must be a number or a text, not True"),
+        ("[layers.fat]\nthets = 1", "unknown key 'layers.fat.thets' (did you mean 'layers.fat.theta'?)"),
         ("[layers.fat]\nyoungs_modulus = -3", "must be a finite number of at least 1e-09, not -3.0"),
     ],
 )
 def test_bad_files_are_refused(tmp_path: Path, text: str, rule: str) -> None:
     with refuses(rule, begins=f"{tmp_path / 'case.toml'}: "):
         read(tmp_path, text)
-
-
-def test_a_former_key_is_read(tmp_path: Path) -> None:
-    assert read(tmp_path, "[study]\nvirtual = true\n").study.synthetic
 
 
 def test_thickness_is_in_the_unit_of_the_case_and_the_default_in_mm(tmp_path: Path) -> None:
@@ -140,8 +137,6 @@ def test_tissue_comes_back(tmp_path):
     write_tissue_file(path, GIVEN, ["calibrated"])
     assert read_tissue_file(path) == GIVEN
     assert path.read_text(encoding="utf-8").startswith("# calibrated\n")
-    path.write_text("[ribs]\nrecovery = 0.55\ndirect = 0.2\n", encoding="utf-8")  # former names
-    assert read_tissue_file(path) == {"ribs.reversible_part": 0.55, "ribs.derotation_transfer": 0.2}
 
 
 @pytest.mark.parametrize(
@@ -149,8 +144,8 @@ def test_tissue_comes_back(tmp_path):
     [
         ("[tisue]", "unknown key 'tisue' (did you mean 'tissue'?"),
         ("[tissue]\npoisson_ratio = 0.5", "'poisson_ratio' must be a number from 0 to 0.499"),
-        ("[ribs]\nrecovery = '1'", "'ribs.reversible_part' must be a number, not '1'"),
-        ("[ribs]\nturn = 0.5\naxial_rotation = 0.6", "unknown key 'ribs.turn'"),
+        ("[ribs]\nreversible_part = '1'", "'ribs.reversible_part' must be a number, not '1'"),
+        ("[ribs]\nturn = 0.5", "unknown key 'ribs.turn'"),
     ],
 )
 def test_bad_tissue_is_refused(tmp_path, text, rule):

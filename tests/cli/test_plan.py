@@ -21,7 +21,7 @@ from warp_trunk.case import read_case, write_case
 from warp_trunk.cli import main
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.recording.viewer import free_port
-from warp_trunk.run.options import RunOptions
+from warp_trunk.run.options import Execution, RunOptions
 from warp_trunk.run.progress import Progress
 
 TEXT = """\
@@ -161,7 +161,9 @@ def test_a_signal_ends_it_and_names_what_was_kept(tmp_path, monkeypatch, capsys,
             if text.startswith("Plan at"):
                 threading.Timer(0.2, signal.raise_signal, (number,)).start()
 
-    ended = opening.plan_live(curved_case(), tmp_path, RunOptions(device="cpu"), Opened(), port=free_port())
+    ended = opening.plan_live(
+        curved_case(), tmp_path, RunOptions(), Execution(device="cpu"), Opened(), port=free_port()
+    )
     assert ended is None
     assert signal.signal(number, inherited) is before
     assert "Plan at http://127.0.0.1:" in capsys.readouterr().err

@@ -24,7 +24,7 @@ from warp_trunk.live.sliders import MotionSliders, SpineSliders, with_handles
 from warp_trunk.measures.rows import number as shown
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.recording.viewer import free_port
-from warp_trunk.run.options import RunOptions
+from warp_trunk.run.options import Execution, RunOptions
 from warp_trunk.run.patient import patient_of
 
 pytestmark = [needs_chromium, pytest.mark.slow]
@@ -217,8 +217,11 @@ def test_motions_have_a_slider_for_each_component_and_are_kept_as_a_case(browser
     marks = Landmarks(("tip", "bone"), np.array([[0.0, -80.0, 100.0], [0.0, -63.0, 100.0]]))
     motions = {"front": Motion(translation=(0.0, -4.0, 0.0)), "left": Motion(follows={"front": 0.5})}
     case = with_handles(replace(part_case(**motions), points=Points(marks, {"tip": "bone"})))
-    options = RunOptions(mesh=MeshOptions(tets=8000, bone_voxel=4.0, cache=False), device="cpu", threads=1)
-    with Page(patient_of(case, options), MotionSliders(case), tmp_path / "plans", free_port()) as page:
+    options = RunOptions(mesh=MeshOptions(tets=8000, bone_voxel=4.0))
+    execution = Execution(device="cpu", threads=1, cache=False)
+    with Page(
+        patient_of(case, options, execution=execution), MotionSliders(case), tmp_path / "plans", free_port()
+    ) as page:
         visit = Visit(browser, page)
         for words in ("Left mm", "Yaw °", "Follows front %", "tip, ratio to bone"):
             visit.wait_for(words)

@@ -25,7 +25,7 @@ from warp_trunk.live.session import Latest, PlanView, Session
 from warp_trunk.live.sliders import MotionSliders, Sliders, SliderState, SpineSliders, first_state, with_handles
 from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.meshing import MeshOptions
-from warp_trunk.run.options import RunOptions
+from warp_trunk.run.options import Execution, RunOptions
 from warp_trunk.run.patient import PreparedPatient, patient_of
 from warp_trunk.run.prediction import Prediction, prepare_plan
 
@@ -107,15 +107,16 @@ def test_after_any_way_the_end_is_that_of_a_simulation(bones: str) -> None:
 
 def test_the_end_of_motions_is_that_of_a_simulation_and_a_collision_is_refused() -> None:
     case = part_case(front=Motion(translation=(0.0, -4.0, 0.0)), left=Motion(follows={"front": 0.5}))
-    options = RunOptions(mesh=MeshOptions(tets=8000, bone_voxel=4.0, cache=False), device="cpu", threads=1)
+    options = RunOptions(mesh=MeshOptions(tets=8000, bone_voxel=4.0))
+    execution = Execution(device="cpu", threads=1, cache=False)
     handled = with_handles(case)
-    with Heard(patient_of(handled, options), MotionSliders(handled)) as session:
+    with Heard(patient_of(handled, options, execution=execution), MotionSliders(handled)) as session:
         state = first_state(session.sliders)
         session.settled(state)
         session.ask({**state, "front Back mm": 35.0})
         session.until(lambda: session.refusal.startswith("'front' passes"))
         view = session.settled({**state, "front Back mm": -7.0, "front Up mm": 1.0})
-    check_end(view, patient_of(case, options))
+    check_end(view, patient_of(case, options, execution=execution))
     assert session.faults == []
 
 
@@ -225,9 +226,9 @@ def test_tissue_comes_off_bones_as_in_a_simulation(monkeypatch: pytest.MonkeyPat
         "bone 1": RigidMotion(np.eye(3), np.array([-10.0, 0.0, 0.0])),
     }
     case = replace(small_case()[0], skin=Surface(trunk.nodes[trunk.skin_nodes], trunk.skin_faces))
-    options = RunOptions(device="cpu", simulation=SimulationOptions(increments=2))
-    patient = PreparedPatient(case, options, trunk, build_model(trunk, device="cpu"))
-    monkeypatch.setattr(relaxation, "find_path", lambda *_: rigid_path(trunk, motions))
+    options = RunOptions(simulation=SimulationOptions(increments=2))
+    patient = PreparedPatient(case, options, Execution(), trunk, build_model(trunk, device="cpu"))
+    monkeypatch.setattr(PreparedPatient, "path_of", lambda *_: rigid_path(trunk, motions))
     monkeypatch.setattr(relaxation, "motions_of", lambda *_: motions)
     tissue = LiveRelaxation(patient)
     tissue.go(case)

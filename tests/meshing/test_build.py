@@ -73,8 +73,8 @@ def test_second_build_comes_from_the_cache(tmp_path, monkeypatch):
 def test_bone_just_below_and_through_the_skin():
     slab = box((200.0, 200.0, 100.0), splits=4)
     bones = {"through": sphere(30.0, (0.0, 0.0, 30.0)), "below": sphere(20.0, (60.0, 0.0, 29.5))}
-    options = MeshOptions(tets=12000, bone_margin=3.0, bone_voxel=5.0, cache=False)
-    trunk = make_trunk(slab, bones, options).trunk
+    options = MeshOptions(tets=12000, bone_margin=3.0, bone_voxel=5.0)
+    trunk = make_trunk(slab, bones, options, cache=False).trunk
     assert trunk.nodes[trunk.prescribed, 2].max() < 50.0 - 3.0 + 1.0
 
 

@@ -1,6 +1,5 @@
 """Content of the report for every kind of result, with its intervals."""
 
-import inspect
 import json
 import re
 from base64 import b64encode
@@ -18,19 +17,15 @@ from support.report_results import small_bands, write_small_result
 from support.small_trunk import small_case
 from warp_trunk.cli import main
 from warp_trunk.cli.measure import Measure
-from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
-from warp_trunk.engine.simulation import SimulationOptions
-from warp_trunk.engine.tissue import Tissue
+from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.measures.number_text import interval_text
 from warp_trunk.measures.quantities import QUANTITIES, Measured, MeasureTable
 from warp_trunk.measures.rows import MeasureRow, rotation_table
-from warp_trunk.meshing import MeshOptions
 from warp_trunk.report.headlines import Headline
 from warp_trunk.report.page import BAND_HEAD, STATES, band_table, source_table
-from warp_trunk.report.sentences import UNITS
+from warp_trunk.report.sentences import option_rows
 from warp_trunk.report.writing import write_report
 from warp_trunk.results import read_result
-from warp_trunk.run.options import RunOptions
 
 PICTURES = [
     "back", "convergence", "front", "hump", "rotation", "sections", "side", "spine_behind", "spine_side",
@@ -218,14 +213,15 @@ def test_intervals_name_both_sides_where_they_hold_both():
     assert interval_text(Measured("predicted", "", "a", 19.0), sided=False) == ""
 
 
-def test_units_are_those_of_the_documentation() -> None:
-    found = {}
-    for kind in (RunOptions, MeshOptions, SimulationOptions, RelaxOptions, Tissue):
-        fields = re.findall(r'^    (\w+): [^\n]*\n    """([^"]*)"""', inspect.getsource(kind), re.MULTILINE)
-        found |= {name: unit[1] for name, text in fields if (unit := re.search(r"\[([a-zA-Z][^\]]*)\]", text))}
-    for table in ("layers", "bones", "bands"):  # [layers], [ribs], [uncertainty] are tables of case.toml
-        del found[table]
-    assert found == UNITS
+def test_options_have_the_units_of_their_records() -> None:
+    rows = dict(
+        option_rows({"bone_voxel": 4.0, "tolerance": 0.1, "density": 1000.0, "gravity": 9.81, "theta": 10.0})
+    )
+    assert rows["bone voxel"] == "4 mm"
+    assert rows["tolerance"] == "0.1 mm"
+    assert rows["density"] == "1000 kg/m³"
+    assert rows["gravity"] == "9.81 m/s²"
+    assert rows["theta"] == "10"
 
 
 FOUND = small_bands(len(small_case()[0].skin.vertices))

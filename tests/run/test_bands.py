@@ -26,7 +26,7 @@ from warp_trunk.preparation.phantom import straight_trunk
 from warp_trunk.results.bands import FoundBands
 from warp_trunk.run.draws import SAMPLE, Draws, draw_landmarks, spline_draws
 from warp_trunk.run.intervals import find_bands, spine_bands, spine_before_bands
-from warp_trunk.run.options import RunOptions
+from warp_trunk.run.options import Execution, RunOptions
 from warp_trunk.run.patient import motions_of
 from warp_trunk.run.prediction import Prediction, prepare, prepare_plan
 from warp_trunk.run.sensitivities import sensitivities
@@ -37,12 +37,12 @@ from warp_trunk.spine.spine import spine_of
 
 CASE, TRUNK = boned_case()
 CERTAIN = Uncertainty(**{one.name: float(one.name in FACTORS) for one in fields(Uncertainty)})
-OPTIONS = RunOptions(bones="spline", precision="float64", device="cpu", simulation=SimulationOptions(increments=1))
+OPTIONS = RunOptions(bones="spline", precision="float64", simulation=SimulationOptions(increments=1))
 
 
 @cache
 def simulated() -> Prediction:
-    return prepare(CASE, OPTIONS, TRUNK).relax()
+    return prepare(CASE, OPTIONS, TRUNK, execution=Execution(device="cpu")).relax()
 
 
 def bands_of(draws: int = 8, **uncertain: float) -> FoundBands:

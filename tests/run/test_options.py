@@ -16,12 +16,15 @@ from support.small_case import small_case
 from warp_trunk.case.rib_coupling import RibCoupling
 from warp_trunk.cli.arguments import parse
 from warp_trunk.cli.simulate import Simulate
+from warp_trunk.engine.relaxation import RelaxOptions
+from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.engine.state import State
 from warp_trunk.engine.tissue import Tissue
-from warp_trunk.run.options import SKIN_RIGIDITY, RunOptions, parameters, with_changes
-from warp_trunk.run.patient import patient_of
+from warp_trunk.meshing import MeshOptions
+from warp_trunk.run.options import SKIN_RIGIDITY, Execution, RunOptions, parameters
+from warp_trunk.run.patient import MeshedPatient
 from warp_trunk.run.simulate import simulate
-from warp_trunk.run.unread_options import READERS, Scene, given_in, refuse_unread
+from warp_trunk.run.unread_options import READERS, Scene, refuse_unread
 
 
 @pytest.mark.parametrize(
@@ -55,7 +58,7 @@ ANY: Any = wt
         (lambda case: ANY.simulate("patient"), "simulate: 'case' must be of type Case, not str; read it with"),
         (lambda case: ANY.simulate(case, "T4"), "a plan must be of type Plan, not str; give wt.Plan"),
         (lambda case: ANY.simulate(case, ["T4"]), "a plan must be of type Plan, not str"),
-        (lambda case: ANY.simulate(case, tets="many"), "mesh: 'tets' must be a number from 4"),
+        (lambda case: ANY.MeshOptions(tets="many"), "mesh: 'tets' must be a number from 4"),
         (lambda case: ANY.Plan(uiv="T4", liv="L1", curves="T8"), "'curves' must be of type list | tuple, not str"),
         (
             lambda case: ANY.Plan(uiv="T4", liv="L1", curves=ANY.CurvePlan("T8")),
@@ -102,8 +105,9 @@ SCENES: list[dict[str, Any]] = [
 
 def pull(scene: dict[str, Any], **constants: float) -> np.ndarray:
     """The direction of all forces on the free nodes of the moved box, float64."""
-    options = RunOptions(bones="spline", device="cpu", threads=1, precision="float64", **scene)
-    model = patient_of(replace(CASE, tissue=Tissue(**constants)), options, TRUNK).model
+    options = RunOptions(bones="spline", precision="float64", **scene)
+    case = replace(CASE, tissue=Tissue(**constants))
+    model = MeshedPatient(case, options, Execution(device="cpu", threads=1), TRUNK, None).modelled().model
     state = State(model)
     state.set_displacement(MOVED)
     state.evaluate()
@@ -124,27 +128,37 @@ def test_what_the_table_calls_read_moves_the_tissue_and_nothing_else_does(scene:
         assert (np.abs(found - usual).max() > 1e-9) == reads, name
 
 
-REFUSED = [
-    ({}, "--theta", "--theta: used by --energy itmsm; add it, or leave --theta out"),
-    ({"energy": "itmsm"}, "--poisson-ratio", "--poisson-ratio: used by --energy neo-hookean; add it"),
+GRADIENT = SimulationOptions(relax=RelaxOptions(method="gradient"))
+SPRINGS: dict[str, Any] = {"energy": "itmsm"}
+REFUSED: list[tuple[dict[str, Any], str]] = [
+    ({"constants": {"theta": 10.0}}, "--theta: used by --energy itmsm; add it, or leave --theta out"),
+    ({**SPRINGS, "constants": {"poisson_ratio": 0.3}}, "--poisson-ratio: used by --energy neo-hookean; add it"),
     (
-        {"alpha": 0.3, "energy": "itmsm"},
-        "--youngs-modulus",
+        {**SPRINGS, "alpha": 0.3, "constants": {"youngs_modulus": 5.0}},
         "--youngs-modulus: is not used with --alpha; leave one",
     ),
-    ({"alpha": 0.3, "energy": "itmsm"}, "--gravity", "--gravity: is not used with --alpha"),
-    ({}, "--rest", "--rest: used by --gravity 9.81"),
-    ({"from_mesh": Path("a.vtu")}, "--bone-voxel", "--bone-voxel: is not used with --from-mesh"),
-    ({"bones": "spline"}, "[ribs] axial_rotation", "[ribs] axial_rotation: used by --bones follow"),
-    ({"method": "gradient"}, "bands", "bands: used by method newton; add it, or leave bands out"),
+    ({**SPRINGS, "alpha": 0.3, "gravity": 5.0}, "--gravity: is not used with --alpha"),
+    ({"rest": "scan"}, "--rest: used by --gravity 9.81"),
+    (
+        {"from_mesh": Path("a.vtu"), "mesh": MeshOptions(bone_voxel=3.0)},
+        "--bone-voxel: is not used with --from-mesh",
+    ),
+    ({"bones": "spline", "constants": {"ribs.upper": 0.0}}, "constant 'ribs.upper': used by --bones follow"),
+    ({"simulation": GRADIENT, "bands": True}, "--bands: used by --method newton; add it, or leave --bands out"),
 ]
 
 
-@pytest.mark.parametrize(("options", "called", "said"), REFUSED)
-def test_the_refusal_names_what_makes_an_option_count(options: dict[str, Any], called: str, said: str) -> None:
-    name = "ribs" if "ribs" in called else called.removeprefix("--").replace("-", "_")
+@pytest.mark.parametrize(("options", "said"), REFUSED)
+def test_the_refusal_names_what_makes_an_option_count(options: dict[str, Any], said: str) -> None:
     with refuses(begins=said):
-        refuse_unread({name: called}, with_changes(RunOptions(), options), layered=False)
+        refuse_unread(RunOptions(**options))
+
+
+def test_an_option_that_some_case_reads_is_refused_for_a_case_that_does_not() -> None:
+    options = RunOptions(bones="spline", energy="neo-hookean", constants={"youngs_modulus": 5.0})
+    refuse_unread(options)  # layers would weigh it
+    with refuses(begins="--youngs-modulus: used by --gravity 9.81"):
+        refuse_unread(options, CASE)
 
 
 @pytest.mark.parametrize(
@@ -152,18 +166,18 @@ def test_the_refusal_names_what_makes_an_option_count(options: dict[str, Any], c
     [
         ({"tissue": Tissue(theta=50.0)}, {}, "[tissue] theta"),
         ({"rib_coupling": RibCoupling(reversible_part=0.5)}, {"bones": "spline"}, "[ribs] reversible_part"),
-        ({}, {"weights": "volume", "energy": "neo-hookean"}, "weights"),
+        ({}, {"weights": "volume", "energy": "neo-hookean"}, "--weights"),
     ],
 )
 def test_python_and_case_files_are_judged_by_the_same_table(
     change: dict[str, Any], options: dict[str, Any], said: str
 ) -> None:
     with refuses(begins=said):
-        simulate(replace(CASE, **change), **options)
+        simulate(replace(CASE, **change), options=RunOptions(**options))
 
 
-def test_the_papers_are_five_options_that_each_can_be_changed() -> None:
-    papers = RunOptions.of_papers(alpha=0.3)
+def test_the_papers_are_five_options() -> None:
+    papers = replace(RunOptions.of_papers(), alpha=0.3)
     assert (papers.bones, papers.energy_of_tissue, papers.rest, papers.weights) == (
         "spline",
         "itmsm",
@@ -171,7 +185,6 @@ def test_the_papers_are_five_options_that_each_can_be_changed() -> None:
         "count",
     )
     assert (papers.rigidity_of_skin, papers.alpha) == (0.0, 0.3)
-    assert RunOptions.of_papers(bones="follow") == replace(RunOptions.of_papers(), bones="follow")
 
 
 BESIDE_PAPERS = [
@@ -187,8 +200,7 @@ BESIDE_PAPERS = [
 def test_every_option_of_the_papers_page_goes_with_papers(option: str) -> None:
     """Nothing that only --papers set is refused, and no symbol that is reported."""
     command = parse(Simulate, ["simulate", "patient", "--papers", *option.split()])
-    case = command.changed(CASE)
-    refuse_unread(given_in(case, command.chosen), command.chosen, layered=False)
+    refuse_unread(command.chosen, CASE)
 
 
 def test_the_table_holds_the_options_of_the_page() -> None:

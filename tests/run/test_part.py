@@ -28,15 +28,15 @@ from warp_trunk.measures.quantities import MeasureTable
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.report.writing import write_report
 from warp_trunk.results import read_result
-from warp_trunk.run.options import RunOptions
+from warp_trunk.run.options import Execution, RunOptions
 from warp_trunk.run.simulate import simulate
 
 OPTIONS = RunOptions(
-    mesh=MeshOptions(tets=8000, bone_voxel=4.0, cache=False),
+    mesh=MeshOptions(tets=8000, bone_voxel=4.0),
     simulation=SimulationOptions(increments=2),
-    device="cpu",
-    threads=1,
 )
+EXECUTION = Execution(device="cpu", threads=1, cache=False)
+QUIET = replace(EXECUTION, record=False)
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def front(tmp_path_factory):
     case = part_case(front=Motion(translation=(0.0, -6.0, 0.0)))
     actual = Surface(case.skin.vertices + np.array([0.0, -1.0, 0.0]), case.skin.faces)
     return simulate(
-        replace(case, actual_skin=actual), folder=tmp_path_factory.mktemp("part") / "out", options=OPTIONS
+        replace(case, actual_skin=actual), None, OPTIONS, EXECUTION, folder=tmp_path_factory.mktemp("part") / "out"
     )
 
 
@@ -110,7 +110,7 @@ def test_points_go_with_their_surface_and_the_ratio_is_that_of_the_ways(tmp_path
     write_case(tmp_path / "case", case)
     read = read_case(tmp_path / "case")
     assert read.points.pairs == case.points.pairs
-    done = simulate(read, folder=tmp_path / "out", options=replace(OPTIONS, record=False))
+    done = simulate(read, folder=tmp_path / "out", options=OPTIONS, execution=QUIET)
     tip, lip, bone, still = done.summary.points
     assert (tip.on, bone.on, still.on) == ("skin", "front", "core")
     np.testing.assert_allclose(bone.way, [0.0, -6.0, 0.0], atol=1e-6)
@@ -173,7 +173,7 @@ def test_a_cohort_judges_a_part_by_its_actual_skin(tmp_path):
     """The skin is as before, so that the prediction is the error and nothing else is right."""
     case = part_case(front=Motion(translation=(0.0, -6.0, 0.0)))
     write_case(tmp_path / "a", replace(case, actual_skin=case.skin))
-    row = do_case(tmp_path / "a", tmp_path / "out", CohortOptions(run=replace(OPTIONS, record=False))).row
+    row = do_case(tmp_path / "a", tmp_path / "out", CohortOptions(run=OPTIONS, execution=QUIET)).row
     found = MeasureTable(row.measures)
     assert row.counts
     assert 0.1 < (found.value("error", "distance_mean_mm") or 0.0) < 6.0

@@ -27,17 +27,19 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.measures import measure
 from warp_trunk.results.summary_text import plain
-from warp_trunk.run.options import RunOptions
+from warp_trunk.run.options import Execution, RunOptions
 from warp_trunk.run.patient import PreparedPatient, patient_of
 from warp_trunk.run.prediction import Prediction, prepare, prepare_plan
 from warp_trunk.run.progress import Clock
 from warp_trunk.run.simulate import simulate
 
+ON_CPU = Execution(device="cpu")
+
 
 def test_observers_see_every_increment_and_the_skin_is_that_of_the_last() -> None:
     case, trunk = boned_case()
-    options = RunOptions(bones="spline", device="cpu", simulation=SimulationOptions(increments=3))
-    prediction, seen = prepare(case, options, trunk), list[float]()
+    options = RunOptions(bones="spline", simulation=SimulationOptions(increments=3))
+    prediction, seen = prepare(case, options, trunk, execution=ON_CPU), list[float]()
     prediction.relax(lambda increment: seen.append(increment.load_factor), lambda _: seen.append(0.0))
     assert seen == [1 / 3, 0.0, 2 / 3, 0.0, 1.0, 0.0]
     assert [one.number for one in prediction.increments] == [1, 2, 3]
@@ -55,15 +57,15 @@ def test_landmarks_without_a_spline_are_refused_though_the_path_is_found_beside_
     points[1] = points[0]
     case = replace(case, landmarks_before=replace(case.landmarks_before, points=points))
     with pytest.raises(InputError, match="no two landmarks may coincide"):
-        prepare(case, RunOptions(bones="spline", device="cpu"), trunk)
+        prepare(case, RunOptions(bones="spline"), trunk, execution=ON_CPU)
 
 
 def test_tissue_comes_off_bones_where_its_tetrahedra_would_end_inside_out() -> None:
     trunk = with_skin(block_with_bone((5, 5, 5), 8.0, holes=((1, 2, 2), (3, 2, 2))))  # 8 mm apart
     through = RigidMotion(np.eye(3), np.array([-10.0, 0.0, 0.0]))
     path = rigid_path(trunk, {"bone 0": RigidMotion.identity(), "bone 1": through})
-    options = RunOptions(device="cpu", simulation=SimulationOptions(increments=2))
-    patient = PreparedPatient(small_case()[0], options, trunk, build_model(trunk, device="cpu"))
+    options = RunOptions(simulation=SimulationOptions(increments=2))
+    patient = PreparedPatient(small_case()[0], options, ON_CPU, trunk, build_model(trunk, device="cpu"))
     held, said = list(simulation.simulate(patient.model, path, options.simulation))[-1], list[str]()
     prediction = Prediction(patient, patient.case, path).relax(message=said.append)
     assert held.relaxation.inverted_tets > 0
@@ -90,14 +92,13 @@ def test_a_clock_adds_stages_of_one_name() -> None:
 
 
 CASE, TRUNK = small_case()
-OPTIONS = RunOptions(
-    simulation=SimulationOptions(increments=3), bones="spline", device="cpu", threads=1, record=False
-)
+OPTIONS = RunOptions(simulation=SimulationOptions(increments=3), bones="spline")
+UNRECORDED = Execution(device="cpu", threads=1, record=False)
 
 
 @pytest.fixture(scope="module")
 def patient() -> PreparedPatient:
-    return patient_of(replace(CASE, landmarks_after=None), OPTIONS, TRUNK)
+    return patient_of(replace(CASE, landmarks_after=None), OPTIONS, TRUNK, execution=UNRECORDED)
 
 
 def planned(shift: float) -> Case:
@@ -112,10 +113,10 @@ def planned(shift: float) -> Case:
 def test_every_plan_gives_the_bits_of_a_run_on_its_own(options: RunOptions, tmp_path: Path) -> None:
     springs = options.energy_of_tissue == "itmsm" and not options.gravity
     stiff = replace(CASE, tissue=Tissue(theta=20.0) if springs else Tissue(youngs_modulus=200.0))
-    kept = patient_of(stiff, options, TRUNK)
+    kept = patient_of(stiff, options, TRUNK, execution=UNRECORDED)
     for number, shift in enumerate((12.0, -7.0, 12.0)):
         case = replace(planned(shift), tissue=stiff.tissue)
-        alone = patient_of(case, options, TRUNK)
+        alone = patient_of(case, options, TRUNK, execution=UNRECORDED)
         for name, ready in (("kept", kept), ("alone", alone)):
             simulate(case, folder=tmp_path / f"{name} {number}", options=options, warnings=(), patient=ready)
         for file in ("predicted_skin.ply", "trunk.vtu", "landmarks_after.csv"):
@@ -164,8 +165,8 @@ def end(device: str, bones: Literal["follow", "spline"]) -> np.ndarray:
     """Where a small trunk ends, prepared and simulated on a device [mm]; its bone has landmarks of its own."""
     case, trunk = small_case()
     case, trunk = replace(case, bones={"T8": case.bones["T10"]}), replace(trunk, bone_names=("T8",))
-    options = RunOptions(bones=bones, device=device, simulation=SimulationOptions(increments=2))
-    prediction = prepare(case, options, trunk)
+    options = RunOptions(bones=bones, simulation=SimulationOptions(increments=2))
+    prediction = prepare(case, options, trunk, execution=Execution(device=device))
     assert prediction.model.device == device
     return prediction.relax().last.displacement
 
@@ -198,8 +199,8 @@ EPSILON, THETA, ALPHA = 2.0, 5.0, 0.003
 @pytest.fixture(scope="module")
 def result():
     case = replace(CASE, tissue=Tissue(epsilon=EPSILON, theta=THETA))
-    options = RunOptions.of_papers(alpha=ALPHA, device="cpu", threads=1, precision="float64", record=False)
-    return simulate(case, patient=patient_of(case, options, TRUNK), warnings=())
+    options = replace(RunOptions.of_papers(), alpha=ALPHA, precision="float64")
+    return simulate(case, patient=patient_of(case, options, TRUNK, execution=UNRECORDED), warnings=())
 
 
 def test_a_run_reports_the_constants_and_energies_of_eq_4_6(result) -> None:
@@ -234,8 +235,6 @@ def test_the_same_numbers_are_printed_and_kept(result, tmp_path) -> None:
 def test_alpha_is_gravity_against_stiffness(result) -> None:
     """The same equilibrium from gravity and the Young's modulus that make this alpha."""
     case = replace(CASE, tissue=replace(result.summary.tissues[0]))
-    options = RunOptions.of_papers(
-        gravity=EARTH_GRAVITY, device="cpu", threads=1, precision="float64", record=False
-    )
-    other = simulate(case, patient=patient_of(case, options, TRUNK), warnings=())
+    options = replace(RunOptions.of_papers(), gravity=EARTH_GRAVITY, precision="float64")
+    other = simulate(case, patient=patient_of(case, options, TRUNK, execution=UNRECORDED), warnings=())
     np.testing.assert_allclose(other.skin.vertices, result.skin.vertices, rtol=0.0, atol=1e-9)

@@ -24,7 +24,7 @@ from warp_trunk.measures.rows import sided
 from warp_trunk.recording.viewer import find_recording
 from warp_trunk.results import Result, read_result
 from warp_trunk.results.summary_text import plain
-from warp_trunk.run.options import RunOptions
+from warp_trunk.run.options import Execution, RunOptions
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
 
@@ -75,14 +75,22 @@ def mesh(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 
 
 def simulated(
-    case: Case, out: Path, mesh: Path, progress: Progress | None = None, *, max_steps: int = 100, **more: Any
+    case: Case,
+    out: Path,
+    mesh: Path,
+    progress: Progress | None = None,
+    *,
+    max_steps: int = 100,
+    record: bool = True,
+    **more: Any,
 ) -> Result:
     """Three increments on one thread; the spline bends the only bone, which distinguishes tissues."""
     simulation = SimulationOptions(increments=3, relax=RelaxOptions(max_steps=max_steps, tolerance=1e-2))
     given: dict[str, Any] = {"bones": "spline", **more}
-    options = RunOptions(simulation=simulation, device="cpu", threads=1, from_mesh=mesh, **given)
+    options = RunOptions(simulation=simulation, from_mesh=mesh, **given)
+    execution = Execution(device="cpu", threads=1, record=record)
     return simulate(
-        case, folder=out, options=options, progress=progress, warnings=()
+        case, None, options, execution, folder=out, progress=progress, warnings=()
     )  # the box has fewer bones than a case needs
 
 
@@ -178,13 +186,12 @@ def test_what_float32_cannot_confirm_is_continued_in_float64(tmp_path, capsys):
     case, trunk = boned_case()
     write_trunk(tmp_path / "mesh.vtu", trunk)
     options = RunOptions(
-        device="cpu",
         from_mesh=tmp_path / "mesh.vtu",
         simulation=SimulationOptions(increments=2, relax=RelaxOptions(tolerance=1e-6)),
     )
-    result = simulate(case, options=options, warnings=())
+    result = simulate(case, None, options, Execution(device="cpu"), progress=Progress(), warnings=())
     assert "the relaxation continues in float64" in capsys.readouterr().err
     assert result.converged
     assert result.summary.precision == "float64"
-    exact = simulate(case, options=replace(options, precision="float64"), warnings=())
+    exact = simulate(case, None, replace(options, precision="float64"), Execution(device="cpu"), warnings=())
     np.testing.assert_allclose(result.skin.vertices, exact.skin.vertices, rtol=0.0, atol=2e-6)

@@ -7,7 +7,6 @@ import sys
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -21,19 +20,21 @@ from warp_trunk.cli import main
 from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.errors import InputError
-from warp_trunk.results import read_result
+from warp_trunk.results import Result, read_result
 from warp_trunk.run.best_plan import Aim, BestPlan, PlanTrial, Search, best_plan, best_plan_text, gain_sd
-from warp_trunk.run.options import RunOptions, with_changes
+from warp_trunk.run.options import Execution, RunOptions
 from warp_trunk.run.patient import PreparedPatient, patient_of
+from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
 from warp_trunk.run.sources import effect_of, sources_of
 
 COARSE = (
     "--tets=26000", "--bone-voxel=8", "--bone-tolerance=2", "--increments=1", "--tolerance=0.5", "--no-record",
 )  # fmt: skip
-SMALL: dict[str, Any] = {
-    "tets": 26_000, "bone_voxel": 8.0, "bone_tolerance": 2.0, "increments": 1, "tolerance": 0.5, "record": False,
-}  # fmt: skip
+SMALL = RunOptions(
+    mesh=coarse_mesh(), simulation=SimulationOptions(increments=1, relax=RelaxOptions(tolerance=0.5))
+)
+UNRECORDED = Execution(record=False)
 TEXT = 'uiv = "T4"\nliv = "L1"\n[[curve]]\napex = "T8"\ncorrection = {correction}\n'
 
 
@@ -98,12 +99,18 @@ def test_every_result_stays_where_the_working_folder_was(folder: Path, monkeypat
     """The second one was written to where the first one's reader had gone."""
     plans = {name: read_plan(folder / file) for name, file in (("less", "less.toml"), ("more", "more/plan.toml"))}
     (folder / "elsewhere").mkdir()
+
+    class Elsewhere(Progress):
+        def result(self, name: str, result: Result) -> None:
+            monkeypatch.chdir(folder / "elsewhere")
+
     results = simulate(
         coarse_phantom(),
         plans,
+        SMALL,
+        UNRECORDED,
         folder="out",
-        on_result=lambda *_: monkeypatch.chdir(folder / "elsewhere"),
-        **SMALL,
+        progress=Elsewhere(),
     )
     assert {name: result.folder for name, result in results.items()} == {n: folder / "out" / n for n in plans}
     assert all(read_result(result.folder).converged for result in results.values())
@@ -111,7 +118,7 @@ def test_every_result_stays_where_the_working_folder_was(folder: Path, monkeypat
 
 def test_several_plans_use_the_patient_and_the_warnings_that_are_given(monkeypatch: pytest.MonkeyPatch) -> None:
     case = replace(coarse_phantom(), landmarks_after=None, notes=("The skin was repaired.",))
-    patient = patient_of(case, with_changes(RunOptions(), SMALL))
+    patient = patient_of(case, SMALL, execution=UNRECORDED)
     forbid_meshing(monkeypatch)
     plan = Plan(uiv="T4", liv="L1", curves=(CurvePlan(apex="T8", correction=0.3),))
     results = simulate(case, {"a": plan}, patient=patient, warnings=["A finger is on the scan."])
@@ -122,7 +129,7 @@ def test_several_plans_use_the_patient_and_the_warnings_that_are_given(monkeypat
     assert "The skin was repaired." in one.summary.warnings
     assert str(one.summary.ending) == "CONVERGED"
     with pytest.raises(InputError, match="other options"):
-        simulate(case, {"a": plan}, patient=patient, tets=70000)
+        simulate(case, {"a": plan}, RunOptions(), patient=patient)
 
 
 def test_python_says_nothing_but_the_stages_of_the_run() -> None:
@@ -141,8 +148,8 @@ def test_plans_that_cannot_be_simulated_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="there is no plan"):
         simulate(case, {}, folder=tmp_path)
     plan = Plan(uiv="T4", liv="L1", curves=(CurvePlan(apex="T8", correction=0.3),))
-    with pytest.raises(InputError, match="--live: shows one simulation"):
-        simulate(case, {"a": plan, "b": plan}, folder=tmp_path, live=True)
+    with pytest.raises(InputError, match="--view: shows one simulation"):
+        simulate(case, {"a": plan, "b": plan}, execution=Execution(view=True), folder=tmp_path)
 
 
 CASE = coarse_phantom()
@@ -156,14 +163,13 @@ def patient(tolerance: float = 0.01) -> PreparedPatient:
         mesh=coarse_mesh(),
         simulation=SimulationOptions(increments=1, relax=RelaxOptions(tolerance=tolerance)),
         precision="float32" if tolerance == 0.01 else "float64",
-        device="cpu",
     )
-    return patient_of(CASE, options)
+    return patient_of(CASE, options, execution=Execution(device="cpu"))
 
 
 @cache
 def found(aim: Aim = "bsr") -> BestPlan:
-    return best_plan(CASE, PLAN, BOUNDS, aim, patient=patient())
+    return best_plan(patient(), PLAN, BOUNDS, aim)
 
 
 @pytest.mark.parametrize("aim", ["bsr", "hump"])
@@ -194,7 +200,7 @@ def test_it_is_better_than_every_plan_of_a_grid_in_few_relaxations() -> None:
 
 def test_a_plan_outside_the_bounds_is_told_but_not_proposed() -> None:
     bounds = (Bound(apex="T8", target="correction", low=0.1, high=0.3),)
-    best = best_plan(CASE, PLAN, bounds, "bsr", patient=patient(), most=3)
+    best = best_plan(patient(), PLAN, bounds, "bsr", most=3)
     assert best.given.shares == (0.5,)
     assert best.best is best.given  # less correction flattens less
     assert best.gain == best.gain_sd == 0.0

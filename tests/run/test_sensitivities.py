@@ -21,7 +21,7 @@ from warp_trunk.measures import TrunkMeasures
 from warp_trunk.measures.quantities import QUANTITIES
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.preparation.deformity import SpineCurve, make_case
-from warp_trunk.run.options import RunOptions
+from warp_trunk.run.options import Execution, RunOptions
 from warp_trunk.run.prediction import Prediction, prepare, prepare_plan
 from warp_trunk.run.sensitivities import Sensitivity, sensitivities
 from warp_trunk.run.sources import sources_of
@@ -30,6 +30,9 @@ WITHIN = 0.03
 """Part of the largest change of a number of its kind by which a derivative may miss the difference."""
 STEP = 1e-3
 """Length of a direction of all landmarks [mm]: no point of contact jumps on the way."""
+
+
+ON_CPU = Execution(device="cpu")
 
 
 def options_of(
@@ -41,7 +44,6 @@ def options_of(
         mesh=mesh or coarse_mesh(),
         simulation=SimulationOptions(increments=1, relax=RelaxOptions(tolerance=1e-7)),
         precision="float64",
-        device="cpu",
     )
 
 
@@ -50,7 +52,7 @@ class Simulated:
 
     def __init__(self, case: Case, options: RunOptions, trunk: TrunkMesh | None = None) -> None:
         self.case, self.options = case, options
-        self.prediction = self.relaxed(prepare(case, options, trunk))
+        self.prediction = self.relaxed(prepare(case, options, trunk, execution=ON_CPU))
         self.found = sensitivities(self.prediction)
 
     def relaxed(self, prediction: Prediction) -> Prediction:
@@ -70,7 +72,7 @@ class Simulated:
     def with_tissue(self, tissue: Tissue) -> np.ndarray:
         """The numbers of another tissue."""
         case = replace(self.case, tissue=tissue)
-        return self.numbers(self.relaxed(prepare(case, self.options, self.prediction.trunk)))
+        return self.numbers(self.relaxed(prepare(case, self.options, self.prediction.trunk, execution=ON_CPU)))
 
     def numbers(self, prediction: Prediction) -> np.ndarray:
         """Those of `found`, measured again."""
@@ -174,7 +176,9 @@ def test_thickness_of_layers(energy: EnergyName) -> None:
         for step in (0.01, -0.01):
             thicker = replace(case, layers=replace(Layers(), **{f"{layer}_thickness": value + step}))
             trunk = replace(layered.prediction.trunk, tissue=None)
-            ends.append(layered.numbers(layered.relaxed(prepare(thicker, layered.options, trunk))))
+            ends.append(
+                layered.numbers(layered.relaxed(prepare(thicker, layered.options, trunk, execution=ON_CPU)))
+            )
         predicted = np.array([one.constants[f"{layer}.thickness"] for one in layered.found])
         agree([one.quantity for one in layered.found], predicted, (ends[0] - ends[1]) / 0.02)
 

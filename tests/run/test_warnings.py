@@ -15,7 +15,8 @@ from warp_trunk.errors import InputError
 from warp_trunk.io.trunk_file import write_trunk
 from warp_trunk.results import read_result
 from warp_trunk.run import warnings
-from warp_trunk.run.options import RunOptions
+from warp_trunk.run.options import Execution, RunOptions
+from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
 from warp_trunk.run.warnings import curve_warnings, ending_warnings, option_warnings
 
@@ -69,14 +70,15 @@ def test_warnings_reach_console_summary_and_viewer(tmp_path, capsys):
     case, trunk = boned_case()
     write_trunk(tmp_path / "mesh.vtu", trunk)
     options = RunOptions(
-        device="cpu",
         gravity=981.0,
         rest="scan",
         from_mesh=tmp_path / "mesh.vtu",
         simulation=SimulationOptions(increments=1, relax=RelaxOptions(max_steps=2)),
     )
     moved = ("landmarks_after: 'asis_left' moves by 7.0 mm.",)
-    result = simulate(case, folder=tmp_path / "out", options=options, warnings=moved)
+    result = simulate(
+        case, None, options, Execution(device="cpu"), folder=tmp_path / "out", progress=Progress(), warnings=moved
+    )
     warnings = read_result(tmp_path / "out").summary.warnings
     assert [text.split(":")[0] for text in warnings[:2]] == ["landmarks_after", "gravity"]
     assert result.summary.warnings == warnings

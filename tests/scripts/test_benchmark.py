@@ -153,7 +153,9 @@ def test_run_needs_numpy_scipy_and_warp_alone(tmp_path: Path) -> None:
 def test_a_problem_of_bones_that_follow(tmp_path: Path) -> None:
     """It comes back with their path and the skin, and ends where the simulation of the case does."""
     case, trunk = small_case()
-    options = RunOptions(device="cpu", precision="float64", threads=1)
+    from warp_trunk.run.options import Execution
+
+    options = RunOptions(precision="float64")
     made = as_simulated(problem(), case, options)
     assert (made.energy, made.skin_rigidity) == ("neo-hookean", SKIN_RIGIDITY)
     write_problem(tmp_path / "problem.npz", replace(made, truth=solve_truth(made)))
@@ -161,7 +163,7 @@ def test_a_problem_of_bones_that_follow(tmp_path: Path) -> None:
     assert back.bone_path().rigid_bones is not None
     for load_factor in (0.3, 1.0):
         np.testing.assert_array_equal(back.bone_path().at(load_factor), made.bone_path().at(load_factor))
-    last = prepare(case, options, trunk).relax().last
+    last = prepare(case, options, trunk, execution=Execution(device="cpu", threads=1)).relax().last
     assert back.errors(last.displacement).max_error_mm < 0.01
     setting = Setting(
         method="newton", threads=1, precision="float64", device="cpu", energy=back.energy, bones="follow"

@@ -10,7 +10,7 @@ from warp_trunk.cohort.one_case import CohortOptions
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.meshing import MeshOptions
-from warp_trunk.run.options import RunOptions
+from warp_trunk.run.options import Execution, RunOptions
 
 from .meshes import turned_about_z
 from .small_case import small_case
@@ -22,10 +22,8 @@ def cohort_options() -> CohortOptions:
         run=RunOptions(
             mesh=MeshOptions(tets=8000, bone_voxel=8.0),
             simulation=SimulationOptions(increments=1),
-            device="cpu",
-            threads=1,
-            record=False,
-        )
+        ),
+        execution=Execution(device="cpu", threads=1, record=False),
     )
 
 

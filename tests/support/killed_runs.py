@@ -6,7 +6,6 @@ kills one run before each of its moves of a file to its final name, and MOMENTS 
 object for each with what was found.
 """
 
-import io
 import json
 import multiprocessing
 import os
@@ -21,8 +20,7 @@ import warp as wp
 from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.io.trunk_file import write_trunk
-from warp_trunk.run.options import RunOptions
-from warp_trunk.run.progress import Progress
+from warp_trunk.run.options import Execution, RunOptions
 from warp_trunk.run.simulate import simulate
 
 from .small_trunk import boned_case
@@ -68,10 +66,8 @@ def main(folder: Path, moments: int) -> None:
         if move is not None:
             kill_at_move(move)
         steps = SimulationOptions(increments=4, relax=RelaxOptions(tolerance=1e-5))
-        options = RunOptions(
-            simulation=steps, from_mesh=folder / "tissue.vtu", device="cpu", precision="float64", record=record
-        )
-        simulate(case, folder=folder / name, options=options, progress=Progress(io.StringIO()), warnings=())
+        options = RunOptions(simulation=steps, from_mesh=folder / "tissue.vtu", precision="float64")
+        simulate(case, None, options, Execution(device="cpu", record=record), folder=folder / name, warnings=())
 
     assert sys.platform != "win32"
 

@@ -18,7 +18,7 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
 from warp_trunk.meshing import predicted_skin
 from warp_trunk.recording import Recording
-from warp_trunk.run.options import RunOptions
+from warp_trunk.run.options import Execution, RunOptions
 from warp_trunk.run.patient import PreparedPatient, patient_of
 
 from .meshes import grid, trunk, turned_about_z, with_skin
@@ -150,4 +150,4 @@ def curved_case() -> Case:
 def small_patient(**options: Any) -> PreparedPatient:
     """It, made ready on one CPU thread."""
     trunk = replace(small_trunk()[0], bone_names=("T8",))
-    return patient_of(curved_case(), RunOptions(device="cpu", threads=1, **options), trunk)
+    return patient_of(curved_case(), RunOptions(**options), trunk, execution=Execution(device="cpu", threads=1))

@@ -39,4 +39,4 @@ def box(
 def shell_trunk(tets: int = 3000) -> TrunkMesh:
     """Soft tissue between a sphere of 100 mm radius and two bones inside it that touch, not cached."""
     bones = {name: sphere(25.0, (0.0, 5.0, z), 2) for name, z in (("upper", 22.0), ("lower", -22.0))}
-    return make_trunk(sphere(100.0), bones, MeshOptions(tets=tets, bone_voxel=6.0, cache=False)).trunk
+    return make_trunk(sphere(100.0), bones, MeshOptions(tets=tets, bone_voxel=6.0), cache=False).trunk

@@ -25,6 +25,9 @@ class Axes:
 
     L or R is the patient's left or right, P or A back (posterior) or front (anterior), S or I up (superior)
     or down (inferior): in LPS, +x is the left, +y the back and +z up.
+
+    >>> wt.Axes("RAS").points_to_lps(np.array([[1.0, 2.0, 3.0]])).tolist()
+    [[-1.0, -2.0, 3.0]]
     """
 
     code: str

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from msgspec import Meta
@@ -31,7 +30,11 @@ Pose = Literal["surgery", "bending"]
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """The table [study] of case.toml: the patient, and what a study of several cases needs to know besides."""
+    """The table [study] of case.toml: the patient, and what a study of several cases needs to know besides.
+
+    >>> dataclasses.replace(case, study=wt.Study(patient="P7", months_after=24.0)).study.pose
+    'surgery'
+    """
 
     patient: str = ""
     """Identifier of the patient: cases with the same one are of one person. The case itself if empty."""
@@ -42,8 +45,6 @@ class Study:
     """Months from surgery to the scan of the actual skin; None if unknown."""
     synthetic: bool = False
     """Whether the case, including the actual skin, was made by a computer and is of no patient."""
-
-    former_keys: ClassVar[Mapping[str, str]] = {"virtual": "synthetic"}
 
     def __post_init__(self) -> None:
         """Raises InputError for a time out of range."""

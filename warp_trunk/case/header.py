@@ -98,7 +98,7 @@ def header_text(header: CaseHeader) -> str:
     record |= {name: _changed(record[name]) for name in ("ribs", "uncertainty", "study")}
     for name in ("tissue", "invented"):
         record[name] = None if record[name] is None else dataclasses.asdict(record[name])
-    record["layers"] = None if header.layers is None else header.layers.given
+    record["layers"] = None if header.layers is None else header.layers.entries
     return toml_text(record, ["axes: the patient's left, back and up are L, P and S"])
 
 

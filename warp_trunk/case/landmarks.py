@@ -51,6 +51,7 @@ class Landmarks:
 
     def __post_init__(self) -> None:
         """Raises InputError for a name given twice, or another number of names than of points."""
+        object.__setattr__(self, "names", tuple(self.names))
         expect(self.points, np.ndarray, "landmarks: points", "give numpy.array(points, dtype=float)")
         if self.points.shape != (len(self.names), 3):
             rule = f"points must have shape ({len(self.names)}, 3), one for each name"
@@ -128,6 +129,10 @@ def read_landmarks(
     path: str | Path, axes: Axes | None = None, units: str = "mm", columns: tuple[str, ...] = COLUMNS
 ) -> Landmarks:
     """Landmarks in LPS and mm from a CSV table, or from the markups of 3D Slicer (.mrk.json, .fcsv).
+
+    >>> wt.write_case(folder / "marked", case)
+    >>> wt.read_landmarks(folder / "marked" / "landmarks_before.csv").names == case.landmarks_before.names
+    True
 
     A file of 3D Slicer names its axes and units; those of a table are given here.
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from warp_trunk.engine.tissue import Tissue
-from warp_trunk.errors import InputError
+from warp_trunk.engine.tissue import TISSUE_LIMITS, Tissue
+from warp_trunk.errors import InputError, nearest
 from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.file_access import MOST_SURFACE, FormatError, check_file, check_within, number, read_text
 
@@ -53,7 +53,12 @@ MOST_THICKNESS = 200.0
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Layers:
-    """The layers of a case."""
+    """The layers of a case.
+
+    >>> layered = dataclasses.replace(case, layers=wt.Layers(fat_thickness=8.0))
+    >>> layered.layers.tissues(layered.tissue)[1].youngs_modulus
+    2.5
+    """
 
     skin_thickness: float | np.ndarray = SKIN_THICKNESS
     """Thickness of the skin [mm], everywhere or at each skin vertex, shape (skin vertices,)."""
@@ -97,46 +102,39 @@ class Layers:
         return np.stack([skin, skin + self.fat_thickness])
 
 
-@dataclass(frozen=True, kw_only=True)
-class Constants:
-    """Constants of a tissue, those that a file or a command gives."""
-
-    epsilon: float | None = None
-    """Stiffness of faces against edges, k_A / k_D of eq. 4.6; 0 leaves the area term out."""
-    theta: float | None = None
-    """Stiffness of tetrahedra against edges, k_V / k_D of eq. 4.6; 0 leaves the volume term out."""
-    density: float | None = None
-    """Mass per volume [kg/m^3], eq. 4.15; used only with gravity."""
-    youngs_modulus: float | None = None
-    """Stiffness of the tissue as a continuum [kPa]; it matters beside other tissues, and with gravity."""
-    poisson_ratio: float | None = None
-    """Poisson's ratio of the neo-Hookean energy, from 0 to 0.499; 0.5 would keep every volume."""
-
-    def __post_init__(self) -> None:
-        """Raises InputError for a value that no tissue has."""
-        Tissue(**self.given)
-
-    @property
-    def given(self) -> dict[str, float]:
-        """Those that are given, by name."""
-        return {name: value for name, value in asdict(self).items() if value is not None}
+def check_constants(constants: Mapping[str, float], table: str) -> None:
+    """InputError for a key of a table of a file that is no constant of a tissue, or a value that none has."""
+    for name in constants:
+        if name not in TISSUE_LIMITS:
+            hint = nearest(name, TISSUE_LIMITS).replace("mean '", f"mean '{table}.")
+            keys = ", ".join(f"{table}.{one}" for one in TISSUE_LIMITS)
+            raise InputError(f"unknown key '{table}.{name}'{hint}; the keys are {keys}")
+    try:
+        Tissue(**constants)
+    except InputError as error:
+        raise InputError(f"{table}: {str(error).removeprefix('tissue: ')}") from None
 
 
 @dataclass(frozen=True, kw_only=True)
 class LayerConstants:
-    """Constants by layer, as files give them."""
+    """Constants by layer, as files give them: some of `Tissue`, by name."""
 
-    skin: Constants = field(default_factory=Constants)
+    skin: dict[str, float] = field(default_factory=dict)
     """Of the skin, from the table [layers.skin]."""
-    fat: Constants = field(default_factory=Constants)
+    fat: dict[str, float] = field(default_factory=dict)
     """Of the fat, likewise."""
-    muscle: Constants = field(default_factory=Constants)
+    muscle: dict[str, float] = field(default_factory=dict)
     """Of the muscle, likewise."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for what is no constant of a tissue."""
+        for name in NAMES:
+            check_constants(getattr(self, name), f"layers.{name}")
 
     @property
     def constants(self) -> dict[str, dict[str, float]]:
         """Constants by name of layer, of the layers that have some."""
-        return {name: given for name in NAMES if (given := getattr(self, name).given)}
+        return {name: constants for name in NAMES if (constants := getattr(self, name))}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,7 +149,7 @@ class LayerTable(LayerConstants):
     """Name of a mesh with labels."""
 
     @property
-    def given(self) -> dict[str, Any]:
+    def entries(self) -> dict[str, Any]:
         """Values by key, as a file has them."""
         return {name: getattr(self, name) for name in (*THICKNESS, "mesh")} | self.constants
 
@@ -188,7 +186,7 @@ def read_layers(folder: Path, table: LayerTable, millimetres: float, vertices: i
 
 def write_layers(folder: Path, layers: Layers) -> LayerTable:
     """Writes the files of the layers into a case folder; the table names them. Lengths are in mm."""
-    given: dict[str, Any] = {name: Constants(**values) for name, values in layers.constants.items()}
+    given: dict[str, Any] = {name: dict(constants) for name, constants in layers.constants.items()}
     for name in THICKNESS:
         given[name] = getattr(layers, name)
         if isinstance(given[name], np.ndarray):

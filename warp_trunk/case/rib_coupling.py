@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from msgspec import Meta
 
@@ -17,6 +16,9 @@ class RibCoupling:
 
     A rib is pinned to its vertebra at its head, so it always takes the whole motion of that point, and it takes
     all of flexion and extension. The shares say what it takes of the rest.
+
+    >>> dataclasses.replace(case, rib_coupling=wt.RibCoupling(reversible_part=0.5)).rib_coupling.upper
+    -1.0
     """
 
     axial_rotation: Annotated[float, Meta(ge=0.0, le=1.5)] = 0.65
@@ -48,13 +50,6 @@ class RibCoupling:
     scapula: Annotated[float, Meta(ge=0.0, le=1.0)] = 1.0
     """Of the motion of what lies under a shoulder blade of the ribs 2 to 7 of its side; no study was found. At 0.8
     it stays behind by up to 8 mm where ribs go 40 mm; at 0.5 it would cut into them."""
-
-    former_keys: ClassVar[Mapping[str, str]] = {
-        "turn": "axial_rotation",
-        "tilt": "lateral_bending",
-        "recovery": "reversible_part",
-        "direct": "derotation_transfer",
-    }
 
     def __post_init__(self) -> None:
         """Raises InputError for a share that no joint has."""

@@ -7,21 +7,22 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from warp_trunk.engine.tissue import Tissue
+from warp_trunk.engine.tissue import TISSUE_LIMITS, Tissue
+from warp_trunk.errors import InputError, nearest
 from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.records import as_record, read_toml, toml_text
 
-from .layers import NAMES, Constants, LayerConstants, Layers
+from .layers import NAMES, LayerConstants, Layers, check_constants
 from .rib_coupling import RibCoupling
 
 if TYPE_CHECKING:
     from .case import Case
 
 RIBS = "ribs"
-_OF_TISSUE, _OF_RIBS = (tuple(one.name for one in dataclasses.fields(kind)) for kind in (Tissue, RibCoupling))
+_OF_RIBS = tuple(share.name for share in dataclasses.fields(RibCoupling))
 CONSTANT_NAMES = (
-    *_OF_TISSUE,
-    *(f"{layer}.{name}" for layer in NAMES for name in _OF_TISSUE),
+    *TISSUE_LIMITS,
+    *(f"{layer}.{name}" for layer in NAMES for name in TISSUE_LIMITS),
     *(f"{RIBS}.{name}" for name in _OF_RIBS),
 )
 """Every constant: of the uniform tissue (`poisson_ratio`; of layers too, where they give none of their own), of a
@@ -37,6 +38,18 @@ def constant_of(case: Case, name: str) -> float:
         layers = case.layers or Layers()
         return float(getattr(layers.tissues(case.tissue)[NAMES.index(of)], constant))
     return float(getattr(case.tissue, constant))
+
+
+def check_named(constants: Mapping[str, float]) -> None:
+    """InputError for a constant that there is not, or for a value that it cannot have."""
+    for name in constants:
+        if name not in CONSTANT_NAMES:
+            hint = nearest(name, CONSTANT_NAMES)
+            raise InputError(f"there is no constant '{name}'{hint}; known are {', '.join(CONSTANT_NAMES)}")
+    tables = _by_table(constants)
+    RibCoupling(**tables.pop(RIBS, {}))
+    for table in tables.values():
+        Tissue(**table)
 
 
 def with_constants(case: Case, constants: Mapping[str, float]) -> Case:
@@ -70,9 +83,13 @@ def _by_table(constants: Mapping[str, float]) -> dict[str, dict[str, float]]:
 class _TissueFile:
     """Tables of case.toml, of which a file gives some."""
 
-    tissue: Constants = dataclasses.field(default_factory=Constants)
+    tissue: dict[str, float] = dataclasses.field(default_factory=dict)
     layers: LayerConstants = dataclasses.field(default_factory=LayerConstants)
     ribs: RibCoupling = dataclasses.field(default_factory=RibCoupling)
+
+    def __post_init__(self) -> None:
+        """Raises InputError for what is no constant of a tissue."""
+        check_constants(self.tissue, "tissue")
 
 
 def read_tissue_file(path: Path) -> dict[str, float]:
@@ -87,7 +104,7 @@ def read_tissue_file(path: Path) -> dict[str, float]:
     file = as_record(table, _TissueFile, path)
     of_layers = file.layers.constants
     return (
-        file.tissue.given
+        file.tissue
         | {f"{layer}.{name}": value for layer, given in of_layers.items() for name, value in given.items()}
         | {f"{RIBS}.{name}": getattr(file.ribs, name) for name in table.get(RIBS, ())}
     )

@@ -13,6 +13,7 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta
 
+from warp_trunk.engine.tissue import TISSUE_LIMITS
 from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.file_access import check_within, read_text
 from warp_trunk.io.records import check_fields, toml_table
@@ -21,7 +22,7 @@ from .layers import read_numbers
 
 MOST = 1000.0
 """No uncertainty is larger, in mm, degrees or as a factor."""
-FACTORS = ("epsilon", "theta", "youngs_modulus", "skin_rigidity")
+FACTORS = (*(name for name, limits in TISSUE_LIMITS.items() if limits.by_factor), "skin_rigidity")
 """Constants that are uncertain by a factor: a standard deviation multiplies or divides by it."""
 _Deviation = Annotated[float, Meta(ge=0.0, le=MOST)]
 _Factor = Annotated[float, Meta(ge=1.0, le=MOST)]
@@ -32,6 +33,9 @@ class Uncertainty:
     """Standard deviations of the sources of error of a prediction, from the table [uncertainty] of case.toml.
 
     0 leaves a source out, 1 a source that is a factor. `REFERENCES` says where the defaults come from.
+
+    >>> wt.Uncertainty(landmark_error=0.5).cobb
+    5.0
     """
 
     landmark_error: _Deviation = 2.1

@@ -18,10 +18,15 @@ from tyro.constructors import (
     StructTypeInfo,
 )
 
+from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 
-ONLY_IN_PYTHON = frozenset({"radius_edge_ratio"})
-"""Fields that only studies need; they are no options of a command."""
+ONLY_IN_PYTHON = frozenset({"radius_edge_ratio", "constants"})
+"""Fields that are no options of a command: only studies need them, or other options fill them."""
+
+
+class SomeConstants(dict[str, float]):
+    """Constants of `Tissue` that a command gives, by name; its options are made of the fields of `Tissue`."""
 
 
 def parse(command: Any, arguments: Sequence[str]) -> Any:
@@ -93,6 +98,8 @@ def _registry(command: Any, common: frozenset[str] | None = None) -> Constructor
 
     @registry.struct_rule
     def _fields(info: StructTypeInfo) -> StructConstructorSpec | None:
+        if info.type is SomeConstants:
+            return _some_constants(shown=common is None)
         if not is_dataclass(info.type) or info.type in being_described:
             return None
         being_described.add(info.type)
@@ -108,6 +115,20 @@ def _registry(command: Any, common: frozenset[str] | None = None) -> Constructor
         return replace(found, fields=tuple(fields))
 
     return registry
+
+
+def _some_constants(*, shown: bool) -> StructConstructorSpec:
+    """An option for each constant of a tissue, which may be left out; shown in the help or not."""
+    tissue = ConstructorRegistry.get_struct_spec(StructTypeInfo.make(Tissue, set(), in_union_context=False))
+    assert isinstance(tissue, StructConstructorSpec)
+    kind: Any = float | None if shown else Suppress[float | None]
+    return StructConstructorSpec(
+        instantiate=lambda **values: SomeConstants({name: x for name, x in values.items() if x is not None}),
+        fields=tuple(
+            replace(field, type=kind, default=None, helptext=partial(_flowing, field.helptext))
+            for field in tissue.fields
+        ),
+    )
 
 
 def _flowing(text: str | Callable[[], str | None] | None) -> str | None:

@@ -8,7 +8,7 @@ from tyro.conf import Positional
 
 from warp_trunk.case import read_checked_case
 from warp_trunk.case.folders import refuse_case
-from warp_trunk.case.tissue_file import constant_of
+from warp_trunk.case.tissue_file import constant_of, with_constants
 from warp_trunk.cohort.calibration.calibrate import calibrate
 from warp_trunk.cohort.calibration.free_constants import FreeConstant, check_free
 from warp_trunk.cohort.calibration.one_fit import FitJob
@@ -36,8 +36,8 @@ class _Cases(SimulationArguments):
     @property
     def of_each(self) -> CohortOptions:
         """How each case is simulated."""
-        run = replace(self.chosen, threads=self.chosen.threads or CPU_THREADS)
-        return CohortOptions(run=run, align_pelvis=self.align_pelvis, constants=self.constants)
+        execution = replace(self.execution, threads=self.execution.threads or CPU_THREADS)
+        return CohortOptions(run=self.chosen, execution=execution, align_pelvis=self.align_pelvis)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,12 +53,11 @@ class Cohort(_Cases):
         """Simulates the missing cases and writes tables and page."""
         folders = case_folders(self.folder)
         left_over = check_out(self.out, self.folder, [folder.name for folder in folders])
-        refuse_unread(self.given, self.chosen, layered=True)  # those that no case reads
         options = self.of_each
         with Progress() as progress:
             for name in left_over:
                 progress.message(f"{self.out / name}: is of no case in {self.folder}, and left out")
-            with connected(self.workers, self.scheduler, self.options.device) as client:
+            with connected(self.workers, self.scheduler, self.execution.device) as client:
                 progress.message(f"{len(folders)} cases; Dask's dashboard: {client.dashboard_link}")
                 done = work(client, folders, self.out, options, progress)
             from warp_trunk.cohort.cohort_page import (  # of the extra, as `connected` verified
@@ -96,7 +95,7 @@ class Calibrate(_Cases):
         options = self.of_each
         with Progress() as progress:
             cases = self._cases(options, progress)
-            with connected(self.workers, self.scheduler, self.options.device) as client:
+            with connected(self.workers, self.scheduler, self.execution.device) as client:
                 progress.message(f"{len(cases)} cases; Dask's dashboard: {client.dashboard_link}")
                 calibration = calibrate(client, cases, cases[0].free, progress, priors=self.priors)
             page = write_calibration(self.out, calibration)
@@ -116,7 +115,8 @@ class Calibrate(_Cases):
                 lacks = "landmarks of a spine" if case.actual_skin is not None else "actual skin"
                 progress.message(f"{folder}: has no {lacks}, and takes no part")
                 continue
-            case = self.changed(case)
+            case = with_constants(case, options.run.constants)
+            refuse_unread(options.run, case)
             check_free(self.free, case, options.run)
             free = free or tuple(FreeConstant(name=name, start=constant_of(case, name)) for name in self.free)
             found.append(FitJob(folder=folder.resolve(), options=options, free=free, study=study))

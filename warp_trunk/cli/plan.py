@@ -17,7 +17,7 @@ from warp_trunk.case.folders import refuse_case
 from warp_trunk.case.landmark_checks import check_motion
 from warp_trunk.errors import InputError
 from warp_trunk.run.best_plan import best_plan, best_plan_text
-from warp_trunk.run.options import RunOptions
+from warp_trunk.run.options import Execution, RunOptions
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
 from warp_trunk.spine import cobb_angles
@@ -68,12 +68,16 @@ class PlanCommand:
     the back."""
     port: int = 8137
     """With --live: where the page is, on this machine alone."""
+    live: bool = False
+    """Open the planning page in the browser, which predicts while you move sliders."""
     options: Annotated[RunOptions, tyro.conf.arg(name="")] = field(default_factory=RunOptions)
-    """How it is simulated."""
+    """The physics and the discretisation."""
+    execution: Annotated[Execution, tyro.conf.arg(name="")] = field(default_factory=Execution)
+    """How it is computed and kept."""
 
     def run(self) -> int:
         """Writes the planned case and prints what the plan asks for, or opens the planning page."""
-        if self.options.live:
+        if self.live:
             return self._open_page()
         if self.out is None:
             raise InputError("plan: --out is missing; give the case folder to write, or --live to plan on a page")
@@ -92,7 +96,9 @@ class PlanCommand:
             intention = self._intention(case.landmarks_before)
             found = None
             if self.aim is not None:
-                found = best_plan(case, intention, self.within, self.aim, options=self.options, progress=progress)
+                found = best_plan(
+                    case, intention, self.within, self.aim, self.options, self.execution, progress=progress
+                )
             surgery = plan_surgery(case, intention if found is None else found.plan)
             with progress.stage("write", f"writing {self.out}"):
                 planned = write_planned_case(self.out, case, surgery)
@@ -107,7 +113,7 @@ class PlanCommand:
                 return OK
             out = Path("results") / self.out.resolve().name
             with crossings_written(out):
-                result = simulate(planned, folder=out, options=self.options, progress=progress)
+                result = simulate(planned, None, self.options, self.execution, folder=out, progress=progress)
         print(f"\n{back_text(result.measures_before, result.measures)}\n")
         return report_ending(result)
 
@@ -128,7 +134,9 @@ class PlanCommand:
                 raise InputError(f"--live: {self.case} has no landmarks of a spine; {cure}")
             plan = self._intention(case.landmarks_before) if asked else None
             with crossings_written(folder):
-                failure = plan_live(case, folder, self.options, progress, plan=plan, port=self.port)
+                failure = plan_live(
+                    case, folder, self.options, self.execution, progress, plan=plan, port=self.port
+                )
         if failure is not None:
             print(f"warp-trunk: the planning page ended by a fault of the program, {failure}", file=sys.stderr)
             return NOT_CONVERGED

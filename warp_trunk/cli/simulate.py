@@ -12,9 +12,8 @@ from tyro.conf import Positional, Suppress, UseAppendAction
 
 from warp_trunk.bone_motion.plan import read_plan
 from warp_trunk.bone_motion.plan.plan_file import plan_files
-from warp_trunk.case import Case, read_checked_case
-from warp_trunk.case.layers import Constants
-from warp_trunk.case.tissue_file import read_tissue_file, with_constants
+from warp_trunk.case import read_checked_case
+from warp_trunk.case.tissue_file import read_tissue_file
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.errors import InputError
 from warp_trunk.io.folders import seen_from_here
@@ -22,15 +21,15 @@ from warp_trunk.io.surface_files import write_surface
 from warp_trunk.meshing import CrossingError, MeshOptions
 from warp_trunk.results import Result
 from warp_trunk.results.summary_text import plain
-from warp_trunk.run.options import PAPERS, RunOptions
-from warp_trunk.run.patient import layers_from, patient_of
+from warp_trunk.run.options import PAPERS, Execution, RunOptions
+from warp_trunk.run.patient import patient_of
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
-from warp_trunk.run.unread_options import refuse_unread
 
+from .arguments import SomeConstants
 from .output import NOT_CONVERGED, OK, next_command
 
-COMMON = frozenset({"bands", "device", "from_mesh", "gravity", "increments", "layers", "live", "tets", "threads"})
+COMMON = frozenset({"bands", "device", "from_mesh", "gravity", "increments", "layers", "tets", "threads", "view"})
 """The simulation options that `--help` shows."""
 
 
@@ -40,7 +39,9 @@ class SimulationArguments:
 
     common: ClassVar[frozenset[str]] = COMMON
     options: Annotated[RunOptions, tyro.conf.arg(name="")] = field(default_factory=RunOptions)
-    """How the case is simulated."""
+    """The physics and the discretisation."""
+    execution: Annotated[Execution, tyro.conf.arg(name="")] = field(default_factory=Execution)
+    """How it is computed and kept."""
     papers: bool = False
     """Simulate as the papers do: --bones spline --energy itmsm --rest scan --weights count --skin-rigidity 0; what
     is given beside it stays."""
@@ -48,34 +49,18 @@ class SimulationArguments:
     """Move the data after surgery onto the pelvis before it, if they are in another frame."""
     tissue_file: Path | None = None
     """Constants of tissue and ribs that override those of case.toml, as `calibrate` writes them (tissue.toml)."""
-    tissue: Constants = field(default_factory=Constants)
+    tissue: Annotated[SomeConstants, tyro.conf.arg(name="")] = field(default_factory=SomeConstants)
     """Material of the soft tissue; values that are not given come from the tissue file, then from case.toml."""
 
     given: Suppress[Mapping[str, str]] = field(default_factory=dict)
     """Options that the command gives, by their names in Python, and as they were written."""
 
-    @property
-    def chosen(self) -> RunOptions:
-        """How the cases are simulated."""
-        if not self.papers:
-            return self.options
-        return replace(self.options, **{name: PAPERS[name] for name in PAPERS.keys() - self.given.keys()})
-
     @cached_property
-    def constants(self) -> dict[str, float]:
-        """Constants in place of those of each case: of the tissue file, and over them those of the command."""
+    def chosen(self) -> RunOptions:
+        """These options, with the constants of the tissue file, and over them those of the command."""
+        papers = {name: PAPERS[name] for name in PAPERS.keys() - self.given.keys()} if self.papers else {}
         of_file = {} if self.tissue_file is None else read_tissue_file(self.tissue_file)
-        return of_file | self.tissue.given
-
-    def changed(self, case: Case) -> Case:
-        """A case with these constants.
-
-        Raises:
-            InputError: a constant that the case cannot have, or an option that its model does not read.
-        """
-        case = with_constants(case, self.constants)
-        refuse_unread(self.given, self.chosen, layered=layers_from(case, self.chosen) != "none")
-        return case
+        return replace(self.options, **papers, constants=of_file | self.tissue)
 
 
 def report_ending(result: Result, name: str = "") -> int:
@@ -107,6 +92,21 @@ def crossings_written(folder: Path) -> Iterator[None]:
         raise InputError(f"{error}; look at the triangles that cross in {path}") from error
 
 
+class _ResultsPrinted(Progress):
+    """Prints each of several results of one patient as soon as it is complete."""
+
+    def __init__(self, compared: str) -> None:
+        super().__init__()
+        self.compared = compared
+        """The kind of input in which they differ."""
+        self.ends: list[int] = []
+        """Exit status of each."""
+
+    def result(self, name: str, result: Result) -> None:
+        self.ends.append(report_ending(result, f"{self.compared} {name}"))
+        print()
+
+
 @dataclass(frozen=True, kw_only=True)
 class Simulate(SimulationArguments):
     """Predict the trunk after surgery for a case folder."""
@@ -132,37 +132,37 @@ class Simulate(SimulationArguments):
         if len(files) < len(self.motions):
             raise InputError("--motions: results are called after the files; give each file a name of its own")
         plans = {name: read_plan(file) for name, file in plan_files(self.plan).items()}
-        options, ends = self.chosen, list[int]()
-        with Progress() as progress, crossings_written(out):
+        options, execution = self.chosen, self.execution
+        with _ResultsPrinted("plan" if plans else "motions") as progress, crossings_written(out):
             with progress.stage("load", f"reading {self.case}"):
                 read = {
                     name: read_checked_case(self.case, align=self.align_pelvis, motions=file)
                     for name, file in files.items()
                 }
-            cases = [(name, self.changed(case), warnings) for name, (case, warnings) in read.items()]
+            cases = [(name, *case_and_warnings) for name, case_and_warnings in read.items()]
             _, case, warnings = cases[0]
 
-            def ended(name: str, result: Result) -> None:
-                ends.append(report_ending(result, f"{'plan' if plans else 'motions'} {name}"))
-                print()
-
             if plans:
-                simulate(case, plans, folder=out, options=options, progress=progress, on_result=ended)
+                simulate(case, plans, options, execution, folder=out, progress=progress)
                 if len(plans) > 1:
                     print(f"Side by side: {next_command('report', *(out / name for name in plans))}")
-                return max(ends)
+                return max(progress.ends)
             if len(cases) == 1:
-                result = simulate(case, folder=out, options=options, progress=progress, warnings=warnings)
+                result = simulate(case, None, options, execution, folder=out, progress=progress, warnings=warnings)
                 return report_ending(result)
-            patient = patient_of(case, options, progress=progress)
-            for name, one, warnings in cases:
-                moved = replace(one, skin=patient.case.skin, name=f"{one.name}, motions {name}")
+            patient = patient_of(case, options, execution=execution, progress=progress)
+            for name, case, warnings in cases:
+                moved = replace(case, skin=patient.case.skin, name=f"{case.name}, motions {name}")
                 with progress.of(f"motions {name}"):
                     done = simulate(
                         moved, folder=out / name, progress=progress, warnings=warnings, patient=patient
                     )
-                ended(name, done)
-        return max(ends)
+                progress.result(name, done)
+        return max(progress.ends)
+
+
+DEMO_MESH = MeshOptions(tets=90_000, radius_edge_ratio=1.5)
+"""Small gaps between the ribs need tetrahedra of good shape."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,26 +173,21 @@ class Demo:
     out: Path = Path("results/demo")
     """Result folder."""
     options: Annotated[RunOptions, tyro.conf.arg(name="")] = field(
-        default_factory=lambda: RunOptions(
-            # small gaps between the ribs need tetrahedra of good shape
-            mesh=MeshOptions(tets=90_000, radius_edge_ratio=1.5),
-            simulation=SimulationOptions(increments=5),
-        )
+        default_factory=lambda: RunOptions(mesh=DEMO_MESH, simulation=SimulationOptions(increments=5))
     )
-    """How the case is simulated."""
-    given: Suppress[Mapping[str, str]] = field(default_factory=dict)
-    """As for `SimulationArguments`."""
+    """The physics and the discretisation."""
+    execution: Annotated[Execution, tyro.conf.arg(name="")] = field(default_factory=Execution)
+    """How it is computed and kept."""
 
     def run(self) -> int:
         """Simulate the synthetic trunk and print how to look at the result."""
         from warp_trunk.preparation.phantom import phantom_case  # no other command of this file needs it
 
-        refuse_unread(self.given, self.options, layered=self.options.layers not in (None, "none"))
         options = self.options
-        if options.from_mesh is not None:  # no mesh is made of the demo's own options
+        if options.from_mesh is not None and options.mesh == DEMO_MESH:
             options = replace(options, mesh=MeshOptions())
         with Progress() as progress:
             with progress.stage("load", "making the synthetic trunk"):
                 case = phantom_case()
-            result = simulate(case, folder=self.out, options=options, progress=progress, warnings=())
+            result = simulate(case, None, options, self.execution, folder=self.out, progress=progress, warnings=())
         return report_ending(result)

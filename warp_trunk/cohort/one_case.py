@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,9 +24,10 @@ from warp_trunk.measures.quantities import ACTUAL, BEFORE, PREDICTED, Measured, 
 from warp_trunk.results import Result
 from warp_trunk.results.judging import judged, write_measures
 from warp_trunk.results.summary import versions
-from warp_trunk.run.options import RunOptions, parameters
+from warp_trunk.run.options import Execution, RunOptions, parameters
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
+from warp_trunk.run.unread_options import refuse_unread
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -43,17 +43,18 @@ class CohortOptions:
     """How every case of a cohort is simulated."""
 
     run: RunOptions = field(default_factory=RunOptions)
-    """As one case alone."""
+    """The physics and the discretisation, as of one case alone."""
+    execution: Execution = field(default_factory=Execution)
+    """How it is computed and kept."""
     align_pelvis: bool = False
     """Bring what is known after surgery back onto the pelvis before it."""
-    constants: Mapping[str, float] = field(default_factory=dict)
-    """Constants of tissue and ribs, by their names in tissue.toml, in place of those of each case."""
 
     def __post_init__(self) -> None:
-        """Raises InputError for what is of one case alone."""
-        for name, value in (("--from-mesh", self.run.from_mesh), ("--live", self.run.live)):
+        """Raises InputError for what is of one case alone, or an option that no case reads."""
+        for name, value in (("--from-mesh", self.run.from_mesh), ("--view", self.execution.view)):
             if value:
                 raise InputError(f"{name}: is for one case; leave it out, or use simulate")
+        refuse_unread(self.run)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,8 +90,8 @@ def do_case(folder: Path, out: Path, options: CohortOptions) -> CaseOutcome:
 
 def _do_case(folder: Path, out: Path, options: CohortOptions) -> CaseOutcome:
     case, warnings = read_checked_case(folder, align=options.align_pelvis)
-    case = with_constants(case, options.constants)
-    made_from = _made_from(case, options.run)
+    case = with_constants(case, options.run.constants)
+    made_from = _made_from(case, options)
     earlier, notice = read_judged(out), ""
     if earlier is not None:
         notice = difference(earlier.made_from, made_from)
@@ -99,26 +100,26 @@ def _do_case(folder: Path, out: Path, options: CohortOptions) -> CaseOutcome:
     out.mkdir(parents=True, exist_ok=True)
     (out / JUDGED).unlink(missing_ok=True)
     with (out / LOG).open("a", encoding="utf-8", newline="\n") as log, Progress(log) as progress:
-        result = simulate(case, folder=out, options=options.run, progress=progress, warnings=warnings)
+        result = simulate(
+            case, None, options.run, options.execution, folder=out, progress=progress, warnings=warnings
+        )
         with progress.stage("judge", "judging by the actual skin"):
             row = _row(case, folder, result)
         write_whole(out / JUDGED, json_text(Judged(made_from=made_from, row=row)))
     return CaseOutcome(row=row, notice=notice)
 
 
-CHANGES_NOTHING = frozenset({"cache", "device", "from_mesh", "live", "threads", "yes"})
-"""Options that change no displacement, or that are included below by their effect."""
 PROGRAMS = ("warp-trunk", "warp-lang", "numpy", "scipy", "tetgen", "trimesh")
 """Programs on which the numbers depend."""
 
 
-def _made_from(case: Case, options: RunOptions) -> Fingerprint:
-    """The inputs of a row: the case, the options that change it, the device, and the programs."""
-    given = {name: value for name, value in parameters(options).items() if name not in CHANGES_NOTHING}
-    device = given["device"] = choose_device(options.device)
-    given["threads"] = 1 if device.startswith("cuda") else choose_threads(options.threads)
-    given |= {f"version of {name}": version for name, version in versions().items() if name in PROGRAMS}
-    return fingerprint_of(case) | json.loads(json.dumps(given))
+def _made_from(case: Case, options: CohortOptions) -> Fingerprint:
+    """The inputs of a row: the case, what is simulated of it, the device, and the programs."""
+    device = choose_device(options.execution.device)
+    threads = 1 if device.startswith("cuda") else choose_threads(options.execution.threads)
+    inputs = parameters(options.run) | {"device": device, "threads": threads}
+    inputs |= {f"version of {name}": version for name, version in versions().items() if name in PROGRAMS}
+    return fingerprint_of(case) | json.loads(json.dumps(inputs))
 
 
 def _row(case: Case, folder: Path, result: Result) -> CaseRow:

@@ -86,7 +86,9 @@ def _warm_each_host(client: Client, options: CohortOptions) -> None:
     hosts: dict[str, str] = {}
     for address, info in client.scheduler_info(n_workers=-1)["workers"].items():
         hosts.setdefault(info["host"], address)
-    client.run(warm, options.run, workers=list(hosts.values()), on_error="ignore")  # cases report errors
+    client.run(
+        warm, options.run, options.execution, workers=list(hosts.values()), on_error="ignore"
+    )  # cases report errors
 
 
 def _line(done: CaseOutcome) -> str:

@@ -10,7 +10,7 @@ from warp_trunk.errors import InputError
 
 from .model import Model
 from .rest_mesh import RestMesh
-from .tissue import Tissue
+from .tissue import TISSUE_LIMITS, Limits
 
 STEP = 1e-6
 """Part of a constant by which it is changed to either side; weights are float64, and linear in most constants."""
@@ -19,7 +19,6 @@ PART_STEP = 1e-3
 SKIN_RIGIDITY = "skin_rigidity"
 STIFFNESS = "stiffness"
 """Name of the array of the skin's weights among those of the energy."""
-_MOST = {"poisson_ratio": 0.499}
 _OF_TERM = {"epsilon": "area", "theta": "volume"}
 
 
@@ -59,7 +58,7 @@ def value_of(model: Model, constant: Constant) -> float:
         return model.gravity
     if constant.name == SKIN_RIGIDITY and model.skin is not None:
         return model.skin.rigidity
-    if constant.name in Tissue.__dataclass_fields__ and (constant.tissue or 0) in range(len(model.tissues)):
+    if constant.name in TISSUE_LIMITS and (constant.tissue or 0) in range(len(model.tissues)):
         return float(getattr(model.tissues[constant.tissue or 0], constant.name))
     raise InputError(
         f"sensitivities: there is no constant '{constant.name}' of tissue {constant.tissue}; "
@@ -109,7 +108,8 @@ def _sides(model: Model, constant: Constant) -> tuple[float, float, float]:
     """The constant, and the values below and above it at which weights are compared."""
     value = value_of(model, constant)
     step = STEP * max(abs(value), 1e-3)
-    return value, max(value - step, 0.0), min(value + step, _MOST.get(constant.name, np.inf))
+    limits = TISSUE_LIMITS.get(constant.name, Limits())
+    return value, max(value - step, limits.ge), min(value + step, limits.le)
 
 
 def _weights(model: Model, constant: Constant, change: float) -> dict[str, np.ndarray]:
@@ -117,7 +117,7 @@ def _weights(model: Model, constant: Constant, change: float) -> dict[str, np.nd
     gravity = model.gravity + (change if constant.name == "gravity" else 0.0)
     tissues = tuple(
         replace(tissue, **{constant.name: getattr(tissue, constant.name) + change})
-        if constant.name in Tissue.__dataclass_fields__ and constant.tissue in (None, number)
+        if constant.name in TISSUE_LIMITS and constant.tissue in (None, number)
         else tissue
         for number, tissue in enumerate(model.tissues)
     )

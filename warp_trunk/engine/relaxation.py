@@ -8,9 +8,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from numbers import Integral, Real
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from warp_trunk.errors import InputError, expect
+
+from .tissue import Limits
 
 if TYPE_CHECKING:
     from .line_search import Trial
@@ -24,12 +26,16 @@ PATIENCE = 8
 
 @dataclass(frozen=True, kw_only=True)
 class RelaxOptions:
-    """How far and by which method the tissue is relaxed."""
+    """How far and by which method the tissue is relaxed.
+
+    >>> wt.RelaxOptions(tolerance=0.05).method
+    'newton'
+    """
 
     method: Method = "newton"
     """newton (truncated Newton, to the tolerance), or gradient (the papers' projected gradient, which ends where
     the energy no longer falls; the tolerance has no effect on it)."""
-    tolerance: float = 0.1
+    tolerance: Annotated[float, Limits(description="mm")] = 0.1
     """Largest estimated distance of a node from its equilibrium at the end [mm]. The mesh is worth 0.3 to 0.7 mm,
     and at 0.1 mm no rotation of the back moves by 0.00001 degrees; benchmarks of the solver take 0.01."""
     max_steps: int = 500

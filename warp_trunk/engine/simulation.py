@@ -40,7 +40,11 @@ class PrescribedPath(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class SimulationOptions:
-    """In how many parts the bones are moved from before to after surgery."""
+    """In how many parts the bones are moved from before to after surgery.
+
+    >>> wt.SimulationOptions(increments=4).relax.tolerance
+    0.1
+    """
 
     increments: int = 10
     """Number of equal parts in which the correction is applied."""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from numbers import Real
+from typing import Annotated, Literal, get_type_hints
 
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, expect
 
 ENERGY: Literal["neo-hookean"] = "neo-hookean"
 """The energy of tissue where none is asked for: the continuum, which rigid ribs do not crumple."""
@@ -22,34 +23,57 @@ is 0.12; 2.5 mm of 0.85 MPa give 1.5.
 
 
 @dataclass(frozen=True, kw_only=True)
+class Limits:
+    """Bounds and unit of a number, beside its type; attributes are called as those of `msgspec.Meta`."""
+
+    ge: float = 0.0
+    """Least value."""
+    le: float = math.inf
+    """Largest value, itself not allowed where it is infinite."""
+    description: str = ""
+    """Unit."""
+    by_factor: bool = False
+    """Whether the number is uncertain by a factor, as a stiffness is, and not by a difference."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Tissue:
     """Constants of a tissue: epsilon and theta of the energy itmsm, the modulus and ratio of a continuum.
+
+    This is the table of all constants: case.toml, the command line, the documentation, the intervals and
+    `calibrate` read names, bounds, units and meanings from here.
 
     >>> soft = dataclasses.replace(case, tissue=wt.Tissue(youngs_modulus=5.0))
     >>> soft.tissue.poisson_ratio
     0.35
     """
 
-    epsilon: float = 1.0
+    epsilon: Annotated[float, Limits(by_factor=True)] = 1.0
     """Stiffness of faces against edges, k_A / k_D of eq. 4.6; 0 leaves the area term out."""
-    theta: float = 10.0
+    theta: Annotated[float, Limits(by_factor=True)] = 10.0
     """Stiffness of tetrahedra against edges, k_V / k_D of eq. 4.6; 0 leaves the volume term out."""
-    density: float = 1000.0
+    density: Annotated[float, Limits(ge=1e-9, description="kg/m^3")] = 1000.0
     """Mass per volume [kg/m^3], eq. 4.15; used only with gravity."""
-    youngs_modulus: float = 10.0
+    youngs_modulus: Annotated[float, Limits(ge=1e-9, description="kPa", by_factor=True)] = 10.0
     """Stiffness of the tissue as a continuum [kPa]; it matters beside other tissues, and with gravity."""
-    poisson_ratio: float = 0.35
+    poisson_ratio: Annotated[float, Limits(le=0.499)] = 0.35
     """Poisson's ratio of the neo-Hookean energy, from 0 to 0.499; 0.5 would keep every volume. Soft tissue alone
     is nearly incompressible, but what fills chest and belly moves out of the way when a flank closes."""
 
     def __post_init__(self) -> None:
-        for name, least in (("epsilon", 0.0), ("theta", 0.0), ("density", 1e-9), ("youngs_modulus", 1e-9)):
-            value = getattr(self, name)
-            if not math.isfinite(value) or value < least:
-                raise InputError(
-                    f"tissue: '{name}' must be a finite number of at least {least:g}, not {value}; correct it"
-                )
-        if not 0.0 <= self.poisson_ratio <= 0.499:
-            raise InputError(
-                f"tissue: 'poisson_ratio' must be a number from 0 to 0.499, not {self.poisson_ratio}; correct it"
-            )
+        """Raises InputError for a value that no tissue has."""
+        for name, limits in TISSUE_LIMITS.items():
+            value, bounded = getattr(self, name), math.isfinite(limits.le)
+            expect(value, Real, f"tissue: '{name}'", "give a number")
+            if not limits.ge <= value <= limits.le or math.isinf(value):
+                finite = f"a finite number of at least {limits.ge:g}"
+                rule = f"a number from {limits.ge:g} to {limits.le:g}" if bounded else finite
+                raise InputError(f"tissue: '{name}' must be {rule}, not {value}; correct it")
+
+
+GRAVITY_LIMITS = Limits(le=1000.0, description="m/s^2")
+"""At most a hundred times that of the Earth."""
+RIGIDITY_LIMITS = Limits(le=1000.0, description="N mm", by_factor=True)
+"""At most that of 25 mm of skin; a larger number is in another unit."""
+TISSUE_LIMITS = {name: hint.__metadata__[0] for name, hint in get_type_hints(Tissue, include_extras=True).items()}
+"""Bounds and unit of each constant, by name."""

@@ -33,7 +33,11 @@ _CLEAR = 0.7
 
 @dataclass(frozen=True)
 class CutPlane:
-    """Where to cut, and which side goes."""
+    """Where to cut, and which side goes.
+
+    >>> wt.CutPlane(point=(0.0, 0.0, 400.0), normal=(0.0, 0.0, 1.0)).radius
+    inf
+    """
 
     point: tuple[float, ...]
     """A point of the plane [mm], three numbers."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, expect
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -32,6 +32,15 @@ class Surface:
     """Vertex indices, counterclockwise seen from outside, shape (faces, 3), int32."""
     colours: np.ndarray | None = None
     """Red, green and blue of each vertex, as pictures have them, shape (vertices, 3), uint8; None without any."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for arrays of another kind or shape."""
+        for name, values, kind in (("vertices", self.vertices, "f"), ("faces", self.faces, "iu")):
+            expect(values, np.ndarray, f"surface: '{name}'", f"give numpy.array({name})")
+            if values.ndim != 2 or values.shape[1] != 3 or values.dtype.kind not in kind:
+                words = "numbers with a point" if kind == "f" else "whole numbers"
+                rule = f"must be an array of {words} of shape (n, 3)"
+                raise InputError(f"surface: '{name}' {rule}, not of {values.dtype} and {values.shape}; correct it")
 
     def moved(self, vertices: np.ndarray) -> Surface:
         """The same triangles and colours with vertices at other places [mm], shape (vertices, 3)."""

@@ -47,8 +47,7 @@ def toml_table(text: str, path: Path) -> dict[str, Any]:
 def as_record(table: dict[str, Any], kind: type[Record], where: Path | str) -> Record:
     """A table as a dataclass or a Struct, whose fields are the keys and whose types say what each may be.
 
-    Its `file_keys` has the keys of fields that a file names otherwise, and its `former_keys` the fields of keys of
-    earlier files, which are read too; both are renamed in the table.
+    Its `file_keys` has the keys of fields that a file names otherwise; they are renamed in the table.
 
     Args:
         table: of plain values.
@@ -79,8 +78,14 @@ def read_json(path: Path, kind: type[Record], expected: str, fault: str, cure: s
 
 
 def bounds_of(kind: type) -> dict[str, tuple[float, float]]:
-    """Least and most value of the fields of a dataclass that have them: `Annotated[float, Meta(ge=, le=)]`."""
+    """Least and most value of the fields of a dataclass that have them: `Annotated[float, Meta(ge=, le=)]`, or
+    with `Limits` of the engine."""
     return {name: (meta.ge, meta.le) for name, meta in _declared(kind)[0].items()}
+
+
+def units_of(kind: type) -> dict[str, str]:
+    """Units of the fields of a dataclass that have one."""
+    return {name: meta.description for name, meta in _declared(kind)[0].items() if meta.description}
 
 
 def check_fields(record: object, what: str) -> None:
@@ -131,9 +136,6 @@ def _check_keys(value: Any, kind: Any, where: Path | str, prefix: str) -> None:
             continue
         file_keys = getattr(one.cls, "file_keys", {})
         known |= {key: known.pop(name) for name, key in file_keys.items()}
-        for former, name in getattr(one.cls, "former_keys", {}).items():
-            if former in value and name not in value:
-                value[name] = value.pop(former)
         start = f"{prefix}." if prefix else ""
         for key, inner in value.items():
             if key not in known:

@@ -7,7 +7,7 @@ from pathlib import Path
 from warp_trunk.bone_motion.plan import Plan
 from warp_trunk.case import Case
 from warp_trunk.errors import InputError
-from warp_trunk.run.options import RunOptions
+from warp_trunk.run.options import Execution, RunOptions
 from warp_trunk.run.patient import patient_of
 from warp_trunk.run.progress import Progress
 from warp_trunk.system import interrupted_when_ended
@@ -20,6 +20,7 @@ def plan_live(
     case: Case,
     folder: Path,
     options: RunOptions,
+    execution: Execution,
     progress: Progress,
     *,
     port: int,
@@ -30,7 +31,8 @@ def plan_live(
     Args:
         case: the patient; what is planned in it is not read.
         folder: where kept plans go.
-        options: how the tissue is simulated.
+        options: what is simulated.
+        execution: how it is computed.
         progress: receives the stages.
         port: where the page is, on this machine alone.
         plan: where the sliders stand first; at rest when left out.
@@ -58,7 +60,7 @@ def plan_live(
         case = with_handles(case)
     sliders = SpineSliders(case, plan) if case.has_spine else MotionSliders(case)
     sliders.surgery(first_state(sliders))  # what is impossible is refused before any work
-    patient = patient_of(case, options, progress=progress)
+    patient = patient_of(case, options, execution=execution, progress=progress)
     with progress.stage("compile", "preparing the relaxation"):
         _ = patient.relaxer
     with interrupted_when_ended(), Page(patient, sliders, folder, port) as page, suppress(KeyboardInterrupt):

@@ -14,7 +14,7 @@ from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.state import State
 from warp_trunk.geometry.spline import spline_response
-from warp_trunk.run.patient import find_path, motions_of
+from warp_trunk.run.patient import motions_of
 from warp_trunk.run.prediction import Prediction
 from warp_trunk.run.warnings import ending_warnings
 
@@ -147,7 +147,7 @@ class LiveRelaxation:
 
     def _path(self) -> PrescribedMotion:
         patient = self._patient
-        return find_path(self._case, patient.trunk, patient.options, patient.skeleton)
+        return patient.path_of(self._case)
 
     @property
     def _state(self) -> State:

@@ -28,7 +28,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class MeshOptions:
-    """How a trunk is meshed."""
+    """How a trunk is meshed.
+
+    >>> wt.MeshOptions(tets=60_000).bone_voxel
+    4.0
+    """
 
     tets: Annotated[int, Meta(ge=4, le=50_000_000)] = 225_000
     """Requested number of tetrahedra, met within 15 %."""
@@ -43,8 +47,6 @@ class MeshOptions:
     by half of that."""
     radius_edge_ratio: Annotated[float, Meta(ge=1.01, le=100.0)] = 2.0
     """Quality bound: circumradius by shortest edge of a tetrahedron, above 1; lower is better."""
-    cache: bool = True
-    """Keep the mesh on disk, and reuse it for the same surfaces and options."""
 
     def __post_init__(self) -> None:
         check_fields(self, "mesh")
@@ -69,6 +71,8 @@ def make_trunk(
     bones: Mapping[str, Surface],
     options: MeshOptions | None = None,
     progress: Callable[[str], None] | None = None,
+    *,
+    cache: bool = True,
 ) -> TrunkBuild:
     """Mesh the soft tissue between bones and skin, or fetch the mesh from the cache.
 
@@ -77,6 +81,7 @@ def make_trunk(
         bones: closed bone surfaces by name; they may overlap and cross.
         options: how; MeshOptions() if not given.
         progress: gets the name of each stage as it begins.
+        cache: whether the mesh is kept on disk, and reused for the same surfaces and options.
 
     Raises InputError when the skin is not closed, 2-manifold, oriented outward and free of
     self-intersections, when no clean surface can be made of the bones, or when the number of tets asked for
@@ -90,9 +95,8 @@ def make_trunk(
         expect(bone, Surface, f"make_trunk: bone '{name}'", "read it with read_surface")
     tell = progress or (lambda what: None)
     start = time.perf_counter()
-    settings = {name: value for name, value in asdict(options).items() if name != "cache"}
-    key = cache_key(skin, bones, repr(sorted(settings.items())))
-    if options.cache and (kept := load_cached(key)) is not None:
+    key = cache_key(skin, bones, repr(sorted(asdict(options).items())))
+    if cache and (kept := load_cached(key)) is not None:
         return TrunkBuild(kept, True, 0.0, time.perf_counter() - start)
 
     check_number(options.tets, len(skin.faces))
@@ -117,7 +121,7 @@ def make_trunk(
     nodes = _mended(filled, len(skin.vertices), surface.surface, 0.5 * options.bone_tolerance)
     trunk = _ordered(nodes, filled.tets, skin, surface, tuple(bones))
     check_trunk(trunk, "mesh")
-    if options.cache:
+    if cache:
         store_cached(key, trunk)
     end = time.perf_counter()
     return TrunkBuild(trunk, False, between - start, end - between)

@@ -33,7 +33,7 @@ WITHOUT_DISPLAY = "use `view --web`, or copy the result folder to a machine with
 def view_result(result: Result | str | Path, *, web: bool = False) -> int:
     """Open the recording of a result, and wait for its end.
 
-    >>> wt.view_result(result.save(folder / "seen"))  # of wt.simulate(case, record=False)
+    >>> wt.view_result(result.save(folder / "seen"))  # of wt.simulate without a recording
     Traceback (most recent call last):
     warp_trunk.errors.InputError: seen: holds no recording.rrd; give a folder that was simulated with --record
 
@@ -104,7 +104,7 @@ def start_viewer(*options: str) -> str:
             output.seek(0)
             words = output.read().decode(errors="replace").strip().splitlines() or ["no reason given"]
             raise InputError(
-                f"--live: the viewer does not open ({words[-1]}); leave --live out and open the result with `view`"
+                f"--view: the viewer does not open ({words[-1]}); leave --view out and open the result with `view`"
             )
     return f"rerun+http://{LOOPBACK}:{port}/proxy"
 

@@ -6,9 +6,13 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from warp_trunk.bone_motion.plan import Plan, fused_levels, planned_curves
+from warp_trunk.engine.relaxation import RelaxOptions
+from warp_trunk.engine.tissue import GRAVITY_LIMITS, RIGIDITY_LIMITS, Tissue
+from warp_trunk.io.records import units_of
 from warp_trunk.measures import SkinComparison
 from warp_trunk.measures.quantities import BEFORE, DETECTABLE, PREDICTED, QUANTITIES, Measured, MeasureTable
 from warp_trunk.measures.verdicts import NOT_KNOWN, is_known
+from warp_trunk.meshing import MeshOptions
 from warp_trunk.spine import CobbAngle
 
 from .headlines import Headline, minus, side_of
@@ -253,17 +257,13 @@ def _trust(comparison: SkinComparison | None) -> str:
 
 
 UNITS = {
-    "bone_margin": "mm",
-    "bone_voxel": "mm",
-    "bone_edge_length": "mm",
-    "bone_tolerance": "mm",
-    "tolerance": "mm",
-    "gravity": "m/s^2",
-    "skin_rigidity": "N mm",
-    "density": "kg/m^3",
-    "youngs_modulus": "kPa",
+    **units_of(MeshOptions),
+    **units_of(RelaxOptions),
+    **units_of(Tissue),
+    "gravity": GRAVITY_LIMITS.description,
+    "skin_rigidity": RIGIDITY_LIMITS.description,
 }
-"""Units of options by name, as their documentation has them; all others have none."""
+"""Units of options by name; all others have none."""
 _SHOWN = {"m/s^2": "m/s²", "kg/m^3": "kg/m³", "degrees": "°"}
 
 

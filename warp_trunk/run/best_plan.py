@@ -9,28 +9,25 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from warp_trunk.bone_motion.plan import Plan, Planner
 from warp_trunk.bone_motion.plan.record import Bound, bounds_of_text, check_bounds, shares_of, with_shares
+from warp_trunk.case import Case
 from warp_trunk.engine.linearization import Linearization
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, WrongTypeError, expect
 from warp_trunk.measures import measure
 from warp_trunk.measures.levels import JUDGED, largest_at
 from warp_trunk.measures.quantities import QUANTITIES, WIDTH
 
-from .options import RunOptions, with_changes
+from .options import Execution, RunOptions
 from .patient import PreparedPatient, patient_of
 from .prediction import prepare_plan
-from .progress import Progress
+from .progress import Progress, Silent
 from .sensitivities import Sensitivity, sensitivities
 from .sources import effect_of, sources_of
-
-if TYPE_CHECKING:
-    from warp_trunk.case import Case
-
 
 Aim = Literal["hump", "bsr"]
 AIMS = {"hump": ("hump_mm", "hump", "mm"), "bsr": ("bsr_deg", "back surface rotation", "degrees")}
@@ -155,21 +152,20 @@ class BestPlan:
 
 
 def best_plan(
-    case: Case,
+    case: Case | PreparedPatient,
     plan: Plan,
     within: Sequence[str | Bound],
     aim: Aim = "hump",
-    *,
     options: RunOptions | None = None,
+    execution: Execution | None = None,
+    *,
     progress: Progress | None = None,
-    patient: PreparedPatient | None = None,
     most: int = MOST,
-    **changes: Any,
 ) -> BestPlan:
     """Find the plan within bounds whose largest hump or back surface rotation is smallest.
 
     >>> plan = wt.Plan(uiv="T4", liv="L1", curves=[wt.CurvePlan("T8", correction=0.5)])
-    >>> best = wt.best_plan(case, plan, ["T8,correction=0.4..0.6"], most=2, tets=60_000, increments=1)
+    >>> best = wt.best_plan(case, plan, ["T8,correction=0.4..0.6"], options=small, most=2)
     >>> best.best.value <= best.given.value
     True
 
@@ -178,27 +174,36 @@ def best_plan(
     its derivatives one linear solve for each level, all at once.
 
     Args:
-        case: the patient; what is planned in the case is not read.
+        case: the patient, or the patient made ready by `patient_of`, with her options; what is planned in the
+            case is not read.
         plan: the plan from which the search starts.
         within: what may change and between which shares, for each curve: `T8,correction=0.5..0.8`, or a `Bound`.
         aim: what to make small: the largest hump [mm], or the largest back surface rotation [degrees].
-        options: how plans are simulated; the defaults when left out.
-        progress: where to show each plan; a log on standard error when left out.
-        patient: the mesh and model of this patient, made with these options; made here when left out.
+        options: what is simulated; the defaults when left out.
+        execution: how it is computed; the defaults when left out.
+        progress: where to show each plan; nothing is shown when left out.
         most: the number of relaxations, at most.
-        changes: single options by name, as in `simulate`.
 
     Raises:
         InputError: bounds that do not fit the plan, a plan that cannot be met, or a relaxation that does not
             converge.
     """
-    progress = progress or Progress()
+    patient = case if isinstance(case, PreparedPatient) else None
+    case = case.case if isinstance(case, PreparedPatient) else case
+    expect(case, Case, "best_plan: 'case'", "read it with read_case")
+    expect(plan, Plan, "best_plan: 'plan'", 'give wt.Plan(uiv="T4", liv="L1", ...), or read it with read_plan')
+    if aim not in AIMS:
+        raise InputError(f"best_plan: 'aim' must be {' or '.join(AIMS)}, not {aim!r}; give one of them")
+    if isinstance(within, str):
+        raise WrongTypeError(f"best_plan: 'within' must be a list, not a text; give [{within!r}]")
+    if patient is not None and (options, execution) != (None, None):
+        raise InputError("best_plan: a patient made ready has her options; leave 'options' and 'execution' out")
+    progress = progress or Silent()
     bounds = [(one,) if isinstance(one, Bound) else bounds_of_text(one) for one in within]
     search = Search(case, plan, aim, tuple(bound for some in bounds for bound in some))
     search.check()
-    options = with_changes(options or (RunOptions() if patient is None else patient.options), changes)
     if patient is None:
-        patient = patient_of(case, options, progress=progress)
+        patient = patient_of(case, options, execution=execution, progress=progress)
         search = replace(search, case=patient.case)
     trials: list[PlanTrial] = []
 

@@ -1,4 +1,4 @@
-"""How a case is simulated, as asked for."""
+"""`RunOptions` say what is simulated, `Execution` says how it is computed and kept."""
 
 from __future__ import annotations
 
@@ -6,33 +6,36 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from msgspec import Meta
-
+from warp_trunk.case.tissue_file import check_named
 from warp_trunk.engine.energies.by_name import EnergyName, WeightsName
 from warp_trunk.engine.simulation import SimulationOptions
-from warp_trunk.engine.tissue import EARTH_GRAVITY, ENERGY, SKIN_RIGIDITY
-from warp_trunk.errors import InputError, nearest
+from warp_trunk.engine.tissue import (
+    EARTH_GRAVITY,
+    ENERGY,
+    GRAVITY_LIMITS,
+    RIGIDITY_LIMITS,
+    SKIN_RIGIDITY,
+    Limits,
+)
+from warp_trunk.errors import InputError
 from warp_trunk.io.records import check_fields
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.meshing.layers import LayersFrom
 
-MOST_RIGIDITY = 1000.0
-"""That of 25 mm of skin [N mm]; a larger number is in another unit."""
+if TYPE_CHECKING:
+    from warp_trunk.case import Case
+
 PAPERS: dict[str, Any] = {
     "bones": "spline", "energy": "itmsm", "weights": "count", "rest": "scan", "skin_rigidity": 0.0,
 }  # fmt: skip
 """The options that make the papers' model."""
-MOST_ALPHA = 1e6
-"""Far more than tissue that flows away."""
-MOST_GRAVITY = 1000.0
-"""A hundred times that of the Earth [m/s^2]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunOptions:
-    """How a case is simulated.
+    """Physics and discretisation: everything that changes a number.
 
     >>> options = wt.RunOptions(gravity=9.81, bones="spline")
     >>> options.energy_of_tissue
@@ -49,18 +52,14 @@ class RunOptions:
     weights: WeightsName = "count"
     """Weight of an edge, face or tetrahedron in itmsm: count (each the same, the papers') or volume (the volume it
     represents, so that the stiffness does not depend on the size of tetrahedra)."""
-    skin_rigidity: Annotated[float, Meta(ge=0.0, le=MOST_RIGIDITY, description="N mm")] | None = None
+    skin_rigidity: Annotated[float, RIGIDITY_LIMITS] | None = None
     """Flexural rigidity of the skin [N mm], 0 is off; by default 0.4 (2 mm of 0.42 MPa)
     with --bones follow, and off with the spline (the papers)."""
-    device: str = "auto"
-    """Where to compute: auto (a CUDA device if there is one), cpu, or cuda:0."""
     precision: Literal["float32", "float64"] = "float32"
     """Precision of the simulation."""
-    threads: int = 0
-    """CPU threads; 0 is one for each core."""
-    gravity: Annotated[float, Meta(ge=0.0, le=MOST_GRAVITY, description="m/s^2, pulling down")] = 0.0
+    gravity: Annotated[float, GRAVITY_LIMITS] = 0.0
     """Gravity [m/s^2], pulling down; 0 is off."""
-    alpha: Annotated[float, Meta(ge=0.0, le=MOST_ALPHA)] | None = None
+    alpha: Annotated[float, Limits(le=1e6)] | None = None
     """Gravity against stiffness in itmsm, 2 g M_0 H_0 / k_D (eq. 4.6 of the papers), in place of --gravity and
     --youngs-modulus; 0 is off."""
     rest: Literal["sag-free", "scan"] = "sag-free"
@@ -75,32 +74,27 @@ class RunOptions:
     bands: bool = False
     """Compute 95 % intervals from the errors that case.toml states in [uncertainty]; takes some seconds, longer
     under gravity."""
-    record: bool = True
-    """Write recording.rrd for the viewer."""
-    live: bool = False
-    """Show the run live: `plan` opens the planning page in the browser, other commands the recording in the
-    viewer."""
     from_mesh: Path | None = None
     """Simulate this mesh of the tissue (.vtu .vtk .xdmf .msh .inp, in mm and LPS) instead of making one; its outer
     boundary replaces the skin, and `--layers mesh` uses the labels of its cell data `tissue`."""
 
-    yes: bool = False
-    """Simulate also where more memory is needed than this machine has."""
+    constants: Mapping[str, float] = field(default_factory=dict)
+    """Constants of tissue and ribs in place of those of the case, by their names in tissue.toml:
+    `{"poisson_ratio": 0.4, "fat.youngs_modulus": 3.0, "ribs.reversible_part": 0.5}`."""
 
     @classmethod
-    def of_papers(cls, **changes: Any) -> RunOptions:
+    def of_papers(cls) -> RunOptions:
         """The papers' options: one spline, eq. 4.6, weights by count, the scan at rest, no bending of the skin.
 
-        `changes` are single options by name, as in `simulate`.
-
-        >>> wt.RunOptions.of_papers(alpha=0.3).rest
+        >>> dataclasses.replace(wt.RunOptions.of_papers(), alpha=0.3).rest
         'scan'
         """
-        return with_changes(cls(**PAPERS), changes)
+        return cls(**PAPERS)
 
     def __post_init__(self) -> None:
-        """Raises InputError for a gravity that no place has, or a skin that none has, before any work."""
+        """Raises InputError for a gravity that no place has, a skin that none has, or an unknown constant."""
         check_fields(self, "options")
+        check_named(self.constants)
 
     @property
     def acting_gravity(self) -> float:
@@ -122,41 +116,51 @@ class RunOptions:
         return ENERGY if self.bones == "follow" and self.weights == "count" else "itmsm"
 
 
-def with_changes(options: RunOptions, changes: Mapping[str, Any]) -> RunOptions:
-    """The options with single ones changed, each by its own name at whatever depth it stands: `tets=200_000`.
+@dataclass(frozen=True, kw_only=True)
+class Execution:
+    """How a case is computed and kept; nothing of it changes what is simulated.
 
-    Raises:
-        InputError: there is no option of a name, or a value is not allowed.
+    >>> result = wt.simulate(case, options=small, execution=wt.Execution(threads=1, record=False))
+    >>> result.recording is None
+    True
     """
-    left, known = dict(changes), set[str]()
 
-    def changed(record: Any) -> Any:
-        own: dict[str, Any] = {}
-        for name, value in vars(record).items():
-            known.add(name)
-            if name in left:
-                own[name] = left.pop(name)
-            elif dataclasses.is_dataclass(value):
-                own[name] = changed(value)
-        return dataclasses.replace(record, **own)
+    device: str = "auto"
+    """Where to compute: auto (a CUDA device if there is one), cpu, or cuda:0."""
+    threads: int = 0
+    """CPU threads; 0 is one for each core."""
+    cache: bool = True
+    """Keep the mesh on disk, and reuse it for the same surfaces and options."""
+    record: bool = True
+    """Write recording.rrd for the viewer."""
+    view: bool = False
+    """Show the recording in the viewer while it grows."""
+    yes: bool = False
+    """Simulate also where more memory is needed than this machine has."""
 
-    new = changed(options)
-    for name in left:
-        raise InputError(f"simulate: there is no option '{name}'{nearest(name, known)}")
-    return new
+    def __post_init__(self) -> None:
+        """Raises InputError for a recording that is shown but not made."""
+        if self.view and not self.record:
+            raise InputError("--view: shows what is recorded; leave --no-record out")
+
+
+def layers_from(case: Case, options: RunOptions) -> LayersFrom:
+    """Where the layers of a case come from."""
+    if options.layers is not None:
+        return options.layers
+    return "none" if case.layers is None else "depth" if case.layers.mesh is None else "mesh"
 
 
 def parameters(options: RunOptions) -> dict[str, Any]:
-    """Every option by its own name, as on the command line."""
-    nested = dataclasses.asdict(options)
-    del nested["energy"], nested["skin_rigidity"]  # below, after the options that they depend on
-    simulation = nested.pop("simulation")
-    mesh = nested.pop("mesh") if options.from_mesh is None else {}
-    relax = simulation.pop("relax")
-    given = {} if options.from_mesh is None else {"from_mesh": str(options.from_mesh)}
-    taken = {
+    """Every option by its own name, as on the command line; constants are those of the model's tissues."""
+    flat = dataclasses.asdict(options)
+    simulation, mesh = flat.pop("simulation"), flat.pop("mesh")
+    flat = {**({} if options.from_mesh else mesh), **simulation.pop("relax"), **simulation, **flat}
+    del flat["constants"]
+    flat |= {
         "energy": options.energy_of_tissue,
         "skin_rigidity": options.rigidity_of_skin,
         "gravity": options.acting_gravity,
+        "from_mesh": None if options.from_mesh is None else str(options.from_mesh),
     }
-    return {**mesh, **simulation, **relax, **nested, **given, **taken}
+    return flat

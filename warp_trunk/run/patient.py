@@ -14,6 +14,7 @@ from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion, rigid_pat
 from warp_trunk.bone_motion.skeleton import Skeleton
 from warp_trunk.case.fingerprint import anatomy_of, difference
 from warp_trunk.case.layers import Layers
+from warp_trunk.case.tissue_file import with_constants
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.checks import check_held
 from warp_trunk.engine.grids import Grids
@@ -29,10 +30,11 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.volume_reader import read_volume
 from warp_trunk.meshing import make_trunk
 from warp_trunk.meshing.joints import free_joints
-from warp_trunk.meshing.layers import LayersFrom, check_labels, layered
+from warp_trunk.meshing.layers import check_labels, layered
 
-from .options import RunOptions
+from .options import Execution, RunOptions, layers_from
 from .progress import stage_of
+from .unread_options import refuse_unread
 from .warming import WORTH_COMPILING_AHEAD, CompilationAhead
 from .warnings import LARGE
 
@@ -51,12 +53,18 @@ class PreparedPatient:
     Neither the mesh nor the model depends on where a plan takes the bones: nodes on bone are held wherever these
     go, and joints are freed by where bones touch before surgery. A plan costs its bone path and the relaxation,
     and gives on the CPU the same to the last bit as a simulation on its own.
+
+    >>> patient = wt.patient_of(case, small)
+    >>> patient.trunk.bone_names == tuple(case.bones)
+    True
     """
 
     case: Case
     """The case before surgery; what is planned in it is not read."""
     options: RunOptions
-    """How she is simulated."""
+    """The physics and the discretisation."""
+    execution: Execution
+    """How she is computed."""
     trunk: TrunkMesh
     """The mesh, with the tissue of its tetrahedra and with free joints where bones move each on its own."""
     model: Model
@@ -89,6 +97,10 @@ class PreparedPatient:
         response = spline_response(self.case.landmarks_before.points, self.trunk.nodes)
         return response.astype(self.model.precision)  # memory is what a product with it waits for
 
+    def path_of(self, case: Case) -> PrescribedMotion:
+        """The path of her bones in a case with a plan."""
+        return find_path(case, self.trunk, self.options, self.skeleton, device=self.model.device)
+
     def released(self, nodes: np.ndarray) -> PreparedPatient:
         """The same patient with some nodes on bone free (indices): they relax with the tissue.
 
@@ -113,29 +125,79 @@ def patient_of(
     case: Case,
     options: RunOptions | None = None,
     trunk: TrunkMesh | None = None,
+    *,
+    execution: Execution | None = None,
     progress: Progress | None = None,
 ) -> PreparedPatient:
     """Mesh a patient and build her model; where `from_mesh` gives a mesh, its boundary is her skin.
 
+    >>> patient = wt.patient_of(case, small)
+    >>> result = wt.simulate(case, patient=patient)
+
     Args:
-        case: the patient, with her tissue; nothing need be planned.
-        options: how she is simulated; the defaults when left out.
+        case: the patient, with her tissue, some of whose constants the options may replace; nothing need be
+            planned.
+        options: what is simulated; the defaults when left out.
         trunk: the mesh where there is one already; read, made, or fetched from the cache, when left out.
+        execution: how it is computed; on all cores or a CUDA device when left out.
         progress: what to show the stages on; nothing is shown when left out.
 
     Raises:
         InputError: the case or an option is one that a stage refuses.
     """
-    options = options or RunOptions()
-    case, trunk, kernels = meshed(case, options, trunk, progress)
-    return PreparedPatient(case, options, trunk, modelled(case, trunk, options, kernels, progress))
+    meshed = mesh_patient(case, options or RunOptions(), execution or Execution(), trunk, progress)
+    return meshed.modelled(progress)
 
 
-def meshed(
-    case: Case, options: RunOptions, trunk: TrunkMesh | None = None, progress: Progress | None = None
-) -> tuple[Case, TrunkMesh, CompilationAhead | None]:
-    """The first half of `patient_of`, with its arguments: the case, its mesh, and what is compiled meanwhile."""
-    kernels = None
+@dataclass(frozen=True, eq=False)
+class MeshedPatient:
+    """The first half of a `PreparedPatient`: all but the model."""
+
+    case: Case
+    """The case with the constants of the options, on the boundary of `from_mesh` where there is one."""
+    options: RunOptions
+    """The physics and the discretisation."""
+    execution: Execution
+    """How it is computed."""
+    trunk: TrunkMesh
+    """The mesh, with the tissue of its tetrahedra and with free joints."""
+    kernels: CompilationAhead | None
+    """The kernels that are compiled meanwhile."""
+
+    def modelled(self, progress: Progress | None = None) -> PreparedPatient:
+        """The patient with the model of her mesh at rest; under gravity, if asked for, the rest that gravity pulls
+        into the scan."""
+        case, options, trunk = self.case, self.options, self.trunk
+        with stage_of(progress, "compile", "preparing the model"):
+            if self.kernels is not None:
+                self.kernels.wait()
+            model = build_model(
+                trunk,
+                case.tissue if trunk.tissue is None else (case.layers or Layers()).tissues(case.tissue),
+                energy=options.energy_of_tissue,
+                weights=options.weights,
+                skin_rigidity=options.rigidity_of_skin,
+                gravity=options.gravity,
+                alpha=options.alpha,
+                device=Parallel(self.execution.device, self.execution.threads),
+                precision=options.precision,
+            )
+        if model.gravity != 0.0 and options.rest == "sag-free":
+            with stage_of(progress, "rest", "finding the rest state that gravity pulls into the scan"):
+                model = sag_free(model).model
+        return PreparedPatient(case, options, self.execution, trunk, model)
+
+
+def mesh_patient(
+    case: Case,
+    options: RunOptions,
+    execution: Execution,
+    trunk: TrunkMesh | None = None,
+    progress: Progress | None = None,
+) -> MeshedPatient:
+    """The first half of `patient_of`, with its arguments."""
+    case, kernels = with_constants(case, options.constants), None
+    refuse_unread(options, case)
     if trunk is None and options.from_mesh is not None:
         with stage_of(progress, "mesh", f"reading {options.from_mesh}"):
             trunk = read_volume(options.from_mesh, case.skin, case.bones)
@@ -145,10 +207,10 @@ def meshed(
         check_labels(case.layers, trunk)
     if trunk is None:
         if options.mesh.tets >= WORTH_COMPILING_AHEAD:
-            kernels = CompilationAhead(options)
+            kernels = CompilationAhead(options, execution)
         with stage_of(progress, "build", "meshing the soft tissue"):
             message = progress.message if progress is not None and options.mesh.tets >= LARGE else None
-            build = make_trunk(case.skin, case.bones, options.mesh, message)
+            build = make_trunk(case.skin, case.bones, options.mesh, message, cache=execution.cache)
         trunk = build.trunk
         if progress is not None:
             progress.clock.add("surface", build.surface_seconds)
@@ -160,50 +222,19 @@ def meshed(
     else:
         with stage_of(progress, "layers", "assigning tissue layers"):
             trunk = layered(trunk, case.layers or Layers(), source)
-    return case, trunk, kernels
-
-
-def modelled(
-    case: Case,
-    trunk: TrunkMesh,
-    options: RunOptions,
-    kernels: CompilationAhead | None = None,
-    progress: Progress | None = None,
-) -> Model:
-    """The other half of `patient_of`: the model of a mesh at rest; under gravity, if asked for, the rest that
-    gravity pulls into the scan."""
-    with stage_of(progress, "compile", "preparing the model"):
-        if kernels is not None:
-            kernels.wait()
-        model = build_model(
-            trunk,
-            case.tissue if trunk.tissue is None else (case.layers or Layers()).tissues(case.tissue),
-            energy=options.energy_of_tissue,
-            weights=options.weights,
-            skin_rigidity=options.rigidity_of_skin,
-            gravity=options.gravity,
-            alpha=options.alpha,
-            device=Parallel(options.device, options.threads),
-            precision=options.precision,
-        )
-    if model.gravity != 0.0 and options.rest == "sag-free":
-        with stage_of(progress, "rest", "finding the rest state that gravity pulls into the scan"):
-            model = sag_free(model).model
-    return model
-
-
-def layers_from(case: Case, options: RunOptions) -> LayersFrom:
-    """Where the layers of a case come from."""
-    if options.layers is not None:
-        return options.layers
-    return "none" if case.layers is None else "depth" if case.layers.mesh is None else "mesh"
+    return MeshedPatient(case, options, execution, trunk, kernels)
 
 
 def find_path(
-    case: Case, trunk: TrunkMesh, options: RunOptions, skeleton: Skeleton | None = None
+    case: Case,
+    trunk: TrunkMesh,
+    options: RunOptions,
+    skeleton: Skeleton | None = None,
+    *,
+    device: str = "auto",
 ) -> PrescribedMotion:
     """The path of the bones of a mesh whose joints are free where each bone moves on its own."""
-    device = choose_device(options.device)
+    device = choose_device(device)
     if options.bones == "follow":
         return rigid_path(trunk, motions_of(case, skeleton), device)
     return spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks, device)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.case.tissue_file import with_constants
 from warp_trunk.engine.model import Model
 from warp_trunk.engine.newton import Relaxer
 from warp_trunk.engine.relaxation import RelaxStatus
@@ -19,8 +20,8 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.meshing import predicted_skin
 
-from .options import RunOptions
-from .patient import PreparedPatient, find_path, meshed, modelled
+from .options import Execution, RunOptions
+from .patient import PreparedPatient, find_path, mesh_patient
 from .progress import stage_of
 
 if TYPE_CHECKING:
@@ -187,28 +188,31 @@ def prepare(
     case: Case,
     options: RunOptions | None = None,
     trunk: TrunkMesh | None = None,
+    *,
+    execution: Execution | None = None,
     progress: Progress | None = None,
 ) -> Prediction:
     """Mesh a case, build its model with the solver, and meanwhile find the path of its bones.
 
     Args:
         case: what to simulate, with its tissue.
-        options: how; the defaults when left out.
+        options: what is simulated; the defaults when left out.
         trunk: the mesh of the case where there is one already; made, or fetched from the cache, when left out.
+        execution: how it is computed; on all cores or a CUDA device when left out.
         progress: what to show the stages on; nothing is shown when left out.
 
     Raises:
         InputError: the case or an option is one that a stage refuses.
     """
-    options = options or RunOptions()
-    case, trunk, kernels = meshed(case, options, trunk, progress)
+    options, execution = options or RunOptions(), execution or Execution()
+    meshed = mesh_patient(case, options, execution, trunk, progress)
     with ThreadPoolExecutor(1) as beside:  # the path is found by SciPy and kernels, without the interpreter
-        path = beside.submit(find_path, case, trunk, options)
-        patient = PreparedPatient(case, options, trunk, modelled(case, trunk, options, kernels, progress))
+        path = beside.submit(find_path, meshed.case, meshed.trunk, options, device=execution.device)
+        patient = meshed.modelled(progress)
         with stage_of(progress, "compile", "preparing the relaxation"):
             _ = patient.relaxer
         with stage_of(progress, "path", "finding where the bones go"):
-            return Prediction(patient, case, path.result())
+            return Prediction(patient, patient.case, path.result())
 
 
 def prepare_plan(patient: PreparedPatient, case: Case, progress: Progress | None = None) -> Prediction:
@@ -222,6 +226,7 @@ def prepare_plan(patient: PreparedPatient, case: Case, progress: Progress | None
     Raises:
         InputError: the case is of another patient or tissue, or has landmarks on which no spline can be fitted.
     """
+    case = with_constants(case, patient.options.constants)
     patient.check(case)
     with stage_of(progress, "path", "finding where the bones go"):
-        return Prediction(patient, case, find_path(case, patient.trunk, patient.options, patient.skeleton))
+        return Prediction(patient, case, patient.path_of(case))

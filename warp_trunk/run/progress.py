@@ -7,14 +7,19 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any, Self, TextIO
 
 if TYPE_CHECKING:
     from warp_trunk.engine.simulation import Increment
+    from warp_trunk.results import Result
 
 
 class Progress:
-    """Shows the stages of a run, timed by its clock, on a stream, which is standard error if not given."""
+    """Shows the stages of a run, timed by its clock, on a stream, which is standard error if not given.
+
+    >>> with wt.Progress() as progress:
+    ...     result = wt.simulate(case, options=small, progress=progress)
+    """
 
     def __init__(self, stream: TextIO | None = None) -> None:
         self._stream = sys.stderr if stream is None else stream
@@ -29,7 +34,7 @@ class Progress:
         self.clock = Clock()
         return self.clock
 
-    def __enter__(self) -> Progress:
+    def __enter__(self) -> Self:
         if self._stream.isatty():
             from rich import console, progress  # on a terminal only
 
@@ -92,6 +97,9 @@ class Progress:
             f"step{'s' * (end.steps != 1)}, {end.linear_iterations} linear iterations, {increment.seconds:.1f} s"
         )
 
+    def result(self, name: str, result: Result) -> None:
+        """Called with each of several results of one patient as soon as it is complete."""
+
     def part(self, doing: str, done: int, count: int, line: str = "", note: str = "") -> None:
         """Shows that one part of a long work is done, how it ended, and the remaining time.
 
@@ -122,6 +130,13 @@ class Progress:
 
     def _line(self, text: str) -> None:
         print(self._named + text, file=self._stream, flush=True)
+
+
+class Silent(Progress):
+    """Times the stages of a run and shows nothing."""
+
+    def _line(self, text: str) -> None:
+        pass
 
 
 def stage_of(progress: Progress | None, name: str, doing: str) -> AbstractContextManager[None]:

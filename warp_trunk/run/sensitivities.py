@@ -29,7 +29,8 @@ from warp_trunk.measures.derivatives import (
 )
 from warp_trunk.meshing.layers import thickness_derivatives
 
-from .patient import layers_from, motions_of_sets
+from .options import layers_from
+from .patient import motions_of_sets
 
 if TYPE_CHECKING:
     from warp_trunk.engine.model import Model

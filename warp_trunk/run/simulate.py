@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import tempfile
 import time
 import weakref
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from warp_trunk.bone_motion.prescribed_motion import colliding_bones, folded_tis
 from warp_trunk.case import Case, check_case
 from warp_trunk.case.checks import check_patient, check_surgery
 from warp_trunk.case.motion_checks import check_passing
+from warp_trunk.case.tissue_file import with_constants
 from warp_trunk.engine.parallel import choose_device, choose_threads
 from warp_trunk.errors import InputError, expect
 from warp_trunk.io.atomic_write import partial
@@ -30,11 +32,11 @@ from warp_trunk.results import Result, prepare_folder, result_of, write_result
 from warp_trunk.results.summary_text import markdown
 
 from .intervals import find_bands
-from .options import RunOptions, parameters, with_changes
-from .patient import PreparedPatient, layers_from, motions_of, patient_of
+from .options import Execution, RunOptions, parameters
+from .patient import PreparedPatient, motions_of, patient_of
 from .prediction import Observer, Prediction, prepare, prepare_plan
-from .progress import Progress
-from .unread_options import given_in, refuse_unread
+from .progress import Progress, Silent
+from .unread_options import refuse_unread
 from .warnings import (
     alignment_warnings,
     check_size,
@@ -53,22 +55,51 @@ if TYPE_CHECKING:
 
 
 @overload
-def simulate(case: Case, plan: Plan | None = None, **how: Any) -> Result: ...
-@overload
-def simulate(case: Case, plan: Mapping[str, Plan], **how: Any) -> dict[str, Result]: ...
-@overload
-def simulate(case: Case, plan: Sequence[Plan], **how: Any) -> list[Result]: ...
 def simulate(
     case: Case,
-    plan: Plan | Sequence[Plan] | Mapping[str, Plan] | None = None,
+    plan: Plan | None = None,
+    options: RunOptions | None = None,
+    execution: Execution | None = None,
     *,
     folder: str | Path | None = None,
-    options: RunOptions | None = None,
     progress: Progress | None = None,
     patient: PreparedPatient | None = None,
     warnings: Sequence[str] | None = None,
-    on_result: Callable[[str, Result], None] | None = None,
-    **changes: Any,
+) -> Result: ...
+@overload
+def simulate(
+    case: Case,
+    plan: Mapping[str, Plan],
+    options: RunOptions | None = None,
+    execution: Execution | None = None,
+    *,
+    folder: str | Path | None = None,
+    progress: Progress | None = None,
+    patient: PreparedPatient | None = None,
+    warnings: Sequence[str] | None = None,
+) -> dict[str, Result]: ...
+@overload
+def simulate(
+    case: Case,
+    plan: Sequence[Plan],
+    options: RunOptions | None = None,
+    execution: Execution | None = None,
+    *,
+    folder: str | Path | None = None,
+    progress: Progress | None = None,
+    patient: PreparedPatient | None = None,
+    warnings: Sequence[str] | None = None,
+) -> list[Result]: ...
+def simulate(
+    case: Case,
+    plan: Plan | Sequence[Plan] | Mapping[str, Plan] | None = None,
+    options: RunOptions | None = None,
+    execution: Execution | None = None,
+    *,
+    folder: str | Path | None = None,
+    progress: Progress | None = None,
+    patient: PreparedPatient | None = None,
+    warnings: Sequence[str] | None = None,
 ) -> Result | list[Result] | dict[str, Result]:
     """Predict the trunk after surgery.
 
@@ -76,7 +107,7 @@ def simulate(
     result is that of a simulation on its own, on the CPU to the last bit.
 
     >>> plan = wt.Plan(uiv="T4", liv="L1", curves=[wt.CurvePlan("T8", correction=0.65)])
-    >>> result = wt.simulate(case, plan, tets=60_000, increments=1)
+    >>> result = wt.simulate(case, plan, wt.RunOptions(mesh=wt.MeshOptions(tets=60_000)))
     >>> result.skin.vertices.shape == case.skin.vertices.shape
     True
 
@@ -84,43 +115,49 @@ def simulate(
         case: the patient, with the tissue.
         plan: the surgery, or several by name or in a row; landmarks_after of the case when left
             out.
+        options: what is simulated; the defaults when left out, or those of `patient`.
+        execution: how it is computed and kept; the defaults when left out, or that of `patient`.
         folder: the result folder, checked before any long work and kept from other processes, in which the
             recording grows from increment to increment; of several plans the folder of their result folders. When
             left out nothing is written before `Result.save`.
-        options: how to simulate; the defaults when left out.
-        progress: where to show the stages and warnings; a log on standard error when left out.
+        progress: where to show the stages, the warnings and each of several results; nothing is shown when left
+            out.
         patient: the mesh and model of this patient, made with these options (`patient_of`); made here when left
             out.
         warnings: what the check of the case found (`read_checked_case`); what the check of a planned case finds
             besides is added. The case is checked here when left out.
-        on_result: called with the name of each of several plans and its result as soon as it is there.
-        changes: single options by name, in place of those of `options`: `tets=200_000`, `bands=True`.
 
     Returns:
         The result; of several plans a dictionary by their names, or a list in their order.
 
     Raises:
-        InputError: an unknown option, a plan that cannot be met, a folder that lies in a case, cannot be written
-            to or is in use, a patient who is another or was prepared with other options, or a case or option that
-            a stage refuses. Everything that can be refused before the first simulation is refused before it.
+        InputError: an option that the model does not read, a plan that cannot be met, a folder that lies in a
+            case, cannot be written to or is in use, a patient who is another or was prepared with other options,
+            or a case or option that a stage refuses. Everything that can be refused before the first simulation is
+            refused before it.
     """
     expect(case, Case, "simulate: 'case'", "read it with read_case")
+    if options is not None:
+        expect(options, RunOptions, "simulate: 'options'", "give wt.RunOptions(...)")
+    if execution is not None:
+        expect(execution, Execution, "simulate: 'execution'", "give wt.Execution(...)")
     listed: Any = plan if isinstance(plan, Sequence) and not isinstance(plan, str) else [plan] if plan else []
     plans = plan if isinstance(plan, Mapping) else {str(n): one for n, one in enumerate(listed, start=1)}
     for one in plans.values():
         expect(one, Plan, "simulate: a plan", 'give wt.Plan(uiv="T4", liv="L1", ...), or read it with read_plan')
-    progress, folder = progress or Progress(), None if folder is None else Path(folder).absolute()
-    options = with_changes(options or (RunOptions() if patient is None else patient.options), changes)
-    layered = layers_from(case, options) != "none"
-    refuse_unread(given_in(case, options), options, layered=layered)
-    simulator = _Simulator(options, progress, patient)
+    progress, folder = progress or Silent(), None if folder is None else Path(folder).absolute()
+    options = options or (RunOptions() if patient is None else patient.options)
+    execution = execution or (Execution() if patient is None else patient.execution)
+    case = with_constants(case, options.constants)
+    refuse_unread(options, case)
+    simulator = _Simulator(options, execution, progress, patient)
     if plan is None:
         return simulator.result(case, folder, warnings)
     if isinstance(plan, Plan):
         name = f"{plan.uiv}-{plan.liv}" if folder is None else folder.resolve().name
         planned = simulator.planned(case, _surgery(Planner(case), "", plan), name)
         return simulator.result(planned, folder, list(dict.fromkeys([*(warnings or ()), *check_case(planned)])))
-    results = _several(simulator, case, plans, folder, warnings or (), on_result)
+    results = _several(simulator, case, plans, folder, warnings or ())
     return results if isinstance(plan, Mapping) else list(results.values())
 
 
@@ -130,13 +167,12 @@ def _several(
     plans: Mapping[str, Plan],
     folder: Path | None,
     warnings: Sequence[str],
-    on_result: Callable[[str, Result], None] | None,
 ) -> dict[str, Result]:
     """The result of each plan for one patient, by its name."""
     if not plans:
         raise InputError("simulate: there is no plan; give at least one")
-    if simulator.options.live and len(plans) > 1:
-        raise InputError("--live: shows one simulation as it grows; give a single --plan, or leave it out")
+    if simulator.execution.view and len(plans) > 1:
+        raise InputError("--view: shows one simulation as it grows; give a single --plan, or leave it out")
     planner = Planner(case)
     surgeries = {name: _surgery(planner, f"plan {name}: ", plan) for name, plan in plans.items()}
     cases = {name: planned_case(case, surgery, name) for name, surgery in surgeries.items()}
@@ -147,7 +183,7 @@ def _several(
         with removed_if_empty(place):
             prepare_folder(place)
     if (patient := simulator.patient) is None:
-        patient = patient_of(case, simulator.options, progress=simulator.progress)
+        patient = patient_of(case, simulator.options, execution=simulator.execution, progress=simulator.progress)
     else:
         patient.check(case)
     simulator, results = replace(simulator, patient=patient), dict[str, Result]()
@@ -155,8 +191,7 @@ def _several(
         with simulator.progress.of(f"plan {name}"):
             planned = simulator.planned(patient.case, surgery, name)
             results[name] = simulator.result(planned, places[name], checked[name])
-        if on_result is not None:
-            on_result(name, results[name])
+        simulator.progress.result(name, results[name])
     return results
 
 
@@ -172,6 +207,7 @@ class _Simulator:
     """Simulates cases in one way."""
 
     options: RunOptions
+    execution: Execution
     progress: Progress
     patient: PreparedPatient | None
     """The patient whom the cases share; made for each case when None."""
@@ -203,21 +239,24 @@ class _Simulator:
     def _warnings(self, case: Case, checked: Sequence[str] | None) -> list[str]:
         """Find and show the warnings; InputError for what no later stage should have to refuse."""
         before, after = case.landmarks_before, case.planned_landmarks  # refused here where nothing is planned
-        options, patient = self.options, self.patient
+        options, execution, patient = self.options, self.execution, self.patient
         if case.landmarks_after is None:
             for name, asked in (("--bones spline", options.bones == "spline"), ("--bands", options.bands)):
                 if asked:
                     raise InputError(f"{name}: needs landmarks_after.csv, not motions alone; leave it out")
         if patient is not None and patient.options != options:
             raise InputError("simulate: 'patient' was prepared with other options; give the same, or leave it out")
-        choose_device(options.device)
-        choose_threads(options.threads)
+        if patient is not None and (patient.execution.device, patient.execution.threads) != (
+            execution.device,
+            execution.threads,
+        ):
+            raise InputError("simulate: 'patient' was prepared for another device or other threads; leave it out")
+        choose_device(execution.device)
+        choose_threads(execution.threads)
         if patient is None and options.from_mesh is None:
-            cost = check_size(options.mesh.tets, go_on=options.yes)
+            cost = check_size(options.mesh.tets, go_on=execution.yes)
             if cost is not None:
                 self.progress.message(cost)
-        if options.live and not options.record:
-            raise InputError("--live: shows what is recorded; leave --no-record out")
         found = [
             *(check_case(case) if checked is None else checked),
             *curve_warnings(before, after, case.study.pose),
@@ -236,18 +275,18 @@ class _Simulator:
 
     def _run(self, case: Case, folder: Path, warnings: list[str]) -> Result:
         """Mesh, simulate and measure, with a recording in the folder that grows by each increment."""
-        options, progress, patient = self.options, self.progress, self.patient
+        options, execution, progress, patient = self.options, self.execution, self.progress, self.patient
         start, path = time.perf_counter(), partial(folder / RECORDING)
         clock = progress.clock if patient is None else progress.start_clock()  # without a shared patient's stages
         if patient is not None:
             patient.check(case)
-        live = start_viewer() if options.live else None
-        if options.record:
+        live = start_viewer() if execution.view else None
+        if execution.record:
             load_rerun()
         else:
             path.unlink(missing_ok=True)  # of a run that was interrupted
         if patient is None:
-            prediction = prepare(case, options, progress=progress)
+            prediction = prepare(case, options, execution=execution, progress=progress)
         else:
             prediction = prepare_plan(patient, case, progress)
         case, trunk, recording = prediction.case, prediction.trunk, None
@@ -260,7 +299,7 @@ class _Simulator:
                 _timed(clock),
                 lambda one: progress.increment(one, options.simulation.increments),
             ]
-            if options.record:
+            if execution.record:
                 unit = prediction.model.elements.unit
                 with progress.stage("record", "opening the recording"):
                     recording = Recording(path, case, trunk, before, prediction.path, unit=unit, live=live)
@@ -287,7 +326,7 @@ class _Simulator:
             prediction.increments,
             measures=(before, after),
             quality=quality,
-            parameters=parameters(options),
+            parameters=parameters(options) | dataclasses.asdict(execution),
             seconds=seconds,
             warnings=warnings,
             found=found,

@@ -21,7 +21,8 @@ from warp_trunk.spine.apical import axial_rotation
 from warp_trunk.spine.cobb import CobbAngle, cobb_angles, curves_after
 from warp_trunk.spine.spine import asis_axis, spine_of
 
-from .patient import layers_from, motions_of
+from .options import layers_from
+from .patient import motions_of
 from .sensitivities import Sensitivity, constant_names
 
 if TYPE_CHECKING:

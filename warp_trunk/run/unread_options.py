@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from warp_trunk.case.tissue_file import RIBS
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.meshing import MeshOptions
 
-from .options import PAPERS, RunOptions
+from .options import PAPERS, RunOptions, layers_from
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -81,54 +82,63 @@ READERS: Mapping[str, Reader] = {
     ),
     **dict.fromkeys(("tolerance", "bands"), _NEWTON),
     **{field.name: _MESHED for field in fields(MeshOptions)},
-    "ribs": _RIBS,
+    RIBS: _RIBS,
 }
 """Options that not every scene reads, with those of [tissue] of case.toml, and its table [ribs]."""
 
 
-def refuse_unread(named: Mapping[str, str], options: RunOptions, *, layered: bool) -> None:
-    """Raise InputError for the first given option that the model does not read.
+MOST_BESIDE_PAPERS = 2
+"""Where no more of the papers' options than this have another value, the others were chosen with `--papers`."""
+
+
+def refuse_unread(options: RunOptions, case: Case | None = None) -> None:
+    """Raise InputError for the first option or constant that is set and that the model does not read.
 
     Args:
-        named: what each given option is called where it was given, such as `--theta`, by its name.
-        options: how the case is simulated.
-        layered: whether its tissue has layers.
+        options: what is simulated; an option that has its default is not set.
+        case: the patient; options that some case reads are read where it is left out.
     """
-    scene = Scene(options, layered)
-    for name, called in named.items():
+    scene = Scene(options, layered=case is None or layers_from(case, options) != "none")
+    for name, called in (*_set_options(options), *(() if case is None else _set_constants(case))):
         reader = READERS.get(name)
         if reader is None or reader.reads(scene) or reader.reported(scene):
             continue
         if reader.without and getattr(options, reader.without) is not None:
-            raise InputError(f"{called}: is not used with {_like(called, reader.without)}; leave one of them out")
+            other = _flag(reader.without)
+            raise InputError(f"{called}: is not used with {other}; leave one of them out")
         option, value = reader.add
-        adding = f"{_like(called, option)} {value}"
-        raise InputError(f"{called}: used by {adding}; add it, or leave {called} out")
+        raise InputError(f"{called}: used by {_flag(option)} {value}; add it, or leave {called} out")
 
 
-def given_in(case: Case, options: RunOptions) -> dict[str, str]:
-    """The names of options and of constants of a case that are not those by default, and what they are called.
+def _set_options(options: RunOptions) -> Iterator[tuple[str, str]]:
+    """Each option that is set, by its name, and as the command line has it."""
+    for name in options.constants:
+        table, _, constant = name.rpartition(".")
+        yield table if table == RIBS else constant, f"constant '{name}'" if table else _flag(name)
+    as_there = {name for name, value in PAPERS.items() if getattr(options, name) == value}
+    papers = as_there if len(as_there) > len(PAPERS) - MOST_BESIDE_PAPERS - 1 else set()
+    for name in _changed(replace(options, constants={}), RunOptions()):
+        if name not in papers:
+            yield name, _flag(name)
 
-    The papers' options stand together (`PAPERS`): the value that one has there was not given by itself.
-    """
-    differ = _changed(options, RunOptions())
-    named = {name: name for name in differ if name not in PAPERS or getattr(options, name) != PAPERS[name]}
-    named |= {name: f"[tissue] {name}" for name in _changed(case.tissue, Tissue())}
+
+def _set_constants(case: Case) -> Iterator[tuple[str, str]]:
+    """Each constant that a case sets, by its name, and as case.toml has it."""
+    for name in _changed(case.tissue, Tissue()):
+        yield name, f"[tissue] {name}"
     for name in _changed(case.rib_coupling, type(case.rib_coupling)()):
-        named["ribs"] = f"[ribs] {name}"
-    return named
+        yield RIBS, f"[{RIBS}] {name}"
 
 
-def _changed(record: Any, default: Any) -> Iterable[str]:
+def _changed(record: Any, default: Any) -> Iterator[str]:
     """Names of the fields, of nested records too, whose values differ."""
-    for one in fields(record):
-        value, usual = getattr(record, one.name), getattr(default, one.name)
+    for field in fields(record):
+        value, usual = getattr(record, field.name), getattr(default, field.name)
         if is_dataclass(value):
             yield from _changed(value, usual)
         elif value != usual:
-            yield one.name
+            yield field.name
 
 
-def _like(called: str, name: str) -> str:
-    """An option named as another one is: with hyphens on the command line and for files, plainly in Python."""
-    return name if called.isidentifier() else f"--{name.replace('_', '-')}"
+def _flag(name: str) -> str:
+    return f"--{name.replace('_', '-')}"

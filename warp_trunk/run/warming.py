@@ -19,7 +19,7 @@ from warp_trunk.engine.simulation import SimulationOptions, simulate
 from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
 from warp_trunk.geometry.surface import unit
 
-from .options import RunOptions
+from .options import Execution, RunOptions
 
 WORTH_COMPILING_AHEAD = 50_000
 """Tetrahedra whose meshing takes longer than starting a process."""
@@ -34,9 +34,9 @@ class CompilationAhead:
     process of its own, because what one thread captures for a graph is all that the process launches meanwhile.
     """
 
-    def __init__(self, options: RunOptions) -> None:
+    def __init__(self, options: RunOptions, execution: Execution) -> None:
         """Starts the process where it is needed; what it fails to compile is compiled when it is used."""
-        settings = _settings(options)
+        settings = _settings(options, execution)
         marker = _marker(settings)
         if marker not in _STARTED and not marker.exists():
             command, nothing = (
@@ -55,10 +55,11 @@ class CompilationAhead:
                 self._process.kill()
 
 
-def _settings(options: RunOptions) -> dict[str, Any]:
+def _settings(options: RunOptions, execution: Execution) -> dict[str, Any]:
     """The options that kernels depend on, as arguments of `build_model`."""
-    names = ("weights", "gravity", "alpha", "device", "precision", "threads")
+    names = ("weights", "gravity", "alpha", "precision")
     own = {"energy": options.energy_of_tissue, "skin_rigidity": options.rigidity_of_skin}
+    own |= {"device": execution.device, "threads": execution.threads}
     return own | {name: getattr(options, name) for name in names}
 
 
@@ -70,9 +71,9 @@ def _marker(settings: dict[str, Any]) -> Path:
     return Path(wp.config.kernel_cache_dir or ".") / f"warp_trunk_{found.hexdigest()}.compiled"
 
 
-def warm(options: RunOptions) -> None:
+def warm(options: RunOptions, execution: Execution) -> None:
     """Relaxes a small ball with these options, so that Warp's cache holds the kernels for the cases."""
-    _relax_ball(_settings(options))
+    _relax_ball(_settings(options, execution))
 
 
 def _relax_ball(settings: dict[str, Any]) -> None:

@@ -91,7 +91,7 @@ def cases(tmp_path_factory: pytest.TempPathFactory) -> Path:
     [
         ("calibrate", "--free poisson_ratio --pose bending", "no case with a spine and an actual skin after bend"),
         ("calibrate", "--free poisson_ratio --out tissue.txt", "tissue.txt: must end in .toml"),
-        ("cohort", "--live", "--live: is for one case"),
+        ("cohort", "--view", "--view: is for one case"),
         ("cohort", "--theta 3 --energy neo-hookean", "--theta: used by --energy itmsm"),
         ("cohort", "--tissue-file nowhere.toml", "nowhere.toml: there is no such file"),
     ],

@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.case import Case
 from warp_trunk.case.anatomy import rank
 from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, expect
 from warp_trunk.geometry.spline import fit_spline
 from warp_trunk.spine.apical import axial_rotation
 from warp_trunk.spine.cobb import CobbAngle, cobb_angles, curves_after, vertebral_tilt
 from warp_trunk.spine.spine import asis_axis, spine_of
 
 from .least_motion import least_motion, limits_of, segments
+from .record import Plan
 from .spine_chain import Placed, spine_chain_of
 from .surgery import CurveMotion, PlannedSurgery, VertebraMotion
 from .targets import curves_of_plan, targets_of
-
-if TYPE_CHECKING:
-    from warp_trunk.case import Case
-
-    from .record import Plan
 
 _HELD = ("asis", "hip", "sacrum", "S1", "coccyx", "femur")
 """Bones that stay, by how their landmarks begin."""
@@ -50,6 +46,8 @@ def plan_surgery(case: Case, plan: Plan) -> PlannedSurgery:
         InputError: a level or a curve that the spine does not have, landmarks that are missing, or targets that
             cannot be met; the text names the target and the nearest that can be.
     """
+    expect(case, Case, "plan_surgery: 'case'", "read it with read_case")
+    expect(plan, Plan, "plan_surgery: 'plan'", 'give wt.Plan(uiv="T4", liv="L1", ...), or read it with read_plan')
     return Planner(case).plan(plan)
 
 

@@ -153,7 +153,11 @@ TARGETS = ("correction", "derotation")
 
 @dataclass(frozen=True, kw_only=True)
 class Bound:
-    """One share of a plan that is left open."""
+    """One share of a plan that is left open.
+
+    >>> wt.Bound(apex="T8", target="correction", low=0.5, high=0.8).high
+    0.8
+    """
 
     apex: str
     """The curve, by the vertebra that the plan names it by."""

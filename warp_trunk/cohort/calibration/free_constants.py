@@ -13,6 +13,7 @@ from warp_trunk.case.layers import CONSTANTS, NAMES
 from warp_trunk.case.rib_coupling import LIMITS, RANGES
 from warp_trunk.case.tissue_file import CONSTANT_NAMES, RIBS
 from warp_trunk.case.uncertainty import FACTORS, Uncertainty
+from warp_trunk.engine.tissue import TISSUE_LIMITS
 from warp_trunk.errors import InputError, nearest
 
 if TYPE_CHECKING:
@@ -70,10 +71,10 @@ class FreeConstant:
         """Between which it is looked for, as it is counted."""
         if self.of == RIBS:
             return LIMITS[self.constant]
-        if self.constant == "poisson_ratio":
-            return 0.0, 0.499
         if self.constant == "density":
             return 500.0, 2000.0
+        if not self.logarithmic:
+            return TISSUE_LIMITS[self.constant].ge, TISSUE_LIMITS[self.constant].le
         middle = self.counted(self.start)
         return middle - math.log(_FACTOR), middle + math.log(_FACTOR)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -24,8 +24,6 @@ from warp_trunk.geometry.surface import Surface, area_vectors, unit
 from warp_trunk.measures import compare_skins
 from warp_trunk.measures.comparison import skin_distance
 from warp_trunk.meshing import MeshOptions, make_trunk
-from warp_trunk.run.options import RunOptions
-from warp_trunk.run.patient import find_path
 from warp_trunk.run.prediction import Prediction, prepare
 
 from ..one_case import CohortOptions
@@ -106,10 +104,10 @@ def fit_case(job: FitJob, counted: np.ndarray) -> CaseFit:
     Raises:
         InputError: a case that cannot be simulated, has no actual skin, or whose skin finds no equilibrium.
     """
-    options = job.options.run
-    kept = _kept(job.key, job.folder, job.options.align_pelvis, options.mesh)
-    case = with_constants(kept.case, {**job.options.constants, **values_of(job.free, counted)})
-    prediction = prepare(case, options, kept.trunk).relax()
+    kept = _kept(job.key, job.folder, job.options.align_pelvis, job.options.run.mesh)
+    constants = {**job.options.run.constants, **values_of(job.free, counted)}
+    options, case = replace(job.options.run, constants=constants), with_constants(kept.case, constants)
+    prediction = prepare(case, options, kept.trunk, execution=job.options.execution).relax()
     trunk, last = prediction.trunk, prediction.last
     relaxer, skin_nodes, status = prediction.relaxer, trunk.skin_nodes, last.relaxation.status
     linear = Linearization(
@@ -126,7 +124,7 @@ def fit_case(job: FitJob, counted: np.ndarray) -> CaseFit:
     derivative = None
     if job.derivative:
         none = np.zeros_like(prediction.trunk.nodes)
-        bones = [_bones_moved(case, trunk, options, one) if one.of == RIBS else none for one in job.free]
+        bones = [_bones_moved(case, prediction, one) if one.of == RIBS else none for one in job.free]
         force_derivatives = [
             none if one.of == RIBS else _force_derivative(linear, prediction, one) for one in job.free
         ]
@@ -178,12 +176,12 @@ def _distance(points: np.ndarray, actual: Surface) -> tuple[np.ndarray, np.ndarr
     return distance, np.where(length > 0.05, outward, normal)  # float32 has no direction of less
 
 
-def _bones_moved(case: Case, trunk: TrunkMesh, options: RunOptions, free: FreeConstant) -> np.ndarray:
+def _bones_moved(case: Case, prediction: Prediction, free: FreeConstant) -> np.ndarray:
     """Change of the places of bones with a share of the ribs [mm], shape (nodes, 3)."""
     value, step = getattr(case.rib_coupling, free.constant), STEP * free.believed
     low, high = max(value - step, LIMITS[free.constant][0]), min(value + step, LIMITS[free.constant][1])
     lower, upper = (
-        find_path(with_constants(case, {free.name: end}), trunk, options).at(1.0) for end in (low, high)
+        prediction.patient.path_of(with_constants(case, {free.name: end})).at(1.0) for end in (low, high)
     )
     return (upper - lower) / (high - low)
 

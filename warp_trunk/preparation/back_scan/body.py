@@ -31,7 +31,12 @@ _UPPER = 0.45
 
 @dataclass(frozen=True, eq=False)
 class StraightBody:
-    """A healthy trunk, upright in LPS axes."""
+    """A healthy trunk, upright in LPS axes.
+
+    >>> marks = wt.find_landmarks(bones).complete()
+    >>> wt.StraightBody("body", skin, bones, marks, np.zeros((2, 3))).centres.shape
+    (17, 3)
+    """
 
     name: str
     """Its name."""

@@ -21,7 +21,11 @@ FEWEST_LEVELS = 8
 
 @dataclass(frozen=True, eq=False)
 class PatientSpine:
-    """A spine in the frame of the scan: a line, or points of vertebrae."""
+    """A spine in the frame of the scan: a line, or points of vertebrae.
+
+    >>> wt.PatientSpine("line", case.landmarks_before.middles()).levels
+    ()
+    """
 
     kind: str
     """line, pedicles or landmarks."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from warp_trunk.case.anatomy import PELVIS
 from warp_trunk.case.landmarks import Landmarks, bone_of
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, expect
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.spline import fit_spline, spread_centres
@@ -78,6 +78,8 @@ def fit_atlas(
         InputError: landmarks of the atlas that the patient has not, that are off their bones or of another size,
             or on which nothing can be fitted.
     """
+    for name, marks in (("atlas", atlas), ("patient", patient)):
+        expect(marks, Landmarks, f"fit_atlas: '{name}'", "read them with read_landmarks")
     if missing := [name for name in atlas.names if name not in patient.names]:
         which = f"'{missing[0]}'{f' and {len(missing) - 1} more are' if missing[1:] else ' is'} missing"
         cure = "add what is missing, or remove it from those of the atlas"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, expect
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.spline import fit_spline
@@ -62,6 +62,9 @@ def register_skin(skin: Surface, on_skin: Landmarks, on_films: Landmarks, nugget
         InputError: names that differ, markers off the skin or of another size, markers on which no spline can
             be fitted, or a map that folds the skin.
     """
+    expect(skin, Surface, "register_skin: 'skin'", "read it with read_surface")
+    for name, markers in (("on_skin", on_skin), ("on_films", on_films)):
+        expect(markers, Landmarks, f"register_skin: '{name}'", "read them with read_landmarks")
     if differ := sorted(set(on_skin.names) ^ set(on_films.names)):
         found = f"of {', '.join(differ[:4])} there is only one"
         raise InputError(f"register: markers on skin and films must have the same names, but {found}; name both")

@@ -36,7 +36,11 @@ _NOISE = 5.0
 
 @dataclass(frozen=True, kw_only=True)
 class CloseOptions:
-    """How scans become one closed skin."""
+    """How scans become one closed skin.
+
+    >>> wt.CloseOptions(smoothing=0.0).edge_length
+    7.0
+    """
 
     edge_length: Annotated[float, Meta(ge=1.0, le=50.0, description="mm")] = 7.0
     """Length of the edges of the result [mm]; 7 gives a trunk of about 30,000 triangles."""
