@@ -15,11 +15,11 @@ from .vectors import add_sum, keep_largest
 CHANGE, LENGTH, SUM = range(3)
 """Columns of the measures of a solution: largest squared change and length of a vector, and a sum that shows
 NaN."""
-SOLUTION_LENGTH, ERROR, LAST_CHANGE, NEGATIVE_CURVATURE, NORM, LEFT, ITERATIONS = range(7)
+SOLUTION_LENGTH, ERROR, LAST_CHANGE, NEGATIVE_CURVATURE, GRADIENT_NORM, RESIDUAL_NORM, ITERATIONS = range(7)
 """The outcome of a solve: length of the longest vector and estimated error of a vector [mm], the last change of a
 vector [mm], 1 where a search direction of negative curvature was met, the square root of b . M^-1 b and
 of that of the residual, and iterations."""
-SLOWEST = wp.constant(0.95)
+SLOWEST_WINDOW = wp.constant(0.95)
 """Changes are assumed to shrink at least this fast from window to window."""
 
 
@@ -32,7 +32,7 @@ class Dots:
     """Where launches add a scalar product of their vectors, each range its own part, by iteration."""
 
     iteration: Ints
-    """The row that is written, shape (1,)."""
+    """The row that was written last, shape (1,)."""
     products: Sums
     """The products by iteration and range, shape (rows, PADDING * ranges)."""
 
@@ -52,7 +52,7 @@ TOTAL = f"""
 """
 """Adds up the ranges' parts of one scalar product."""
 ALPHA = f"""{TOTAL}
-    const int j = r_dot_z.iteration.data[0];
+    const int j = p_dot_q.iteration.data[0];
     const double curvature = total(p_dot_q, j);
     // the solution stays where negative curvature was met, until the window is over
     const double alpha = curvature > 0.0 ? total(r_dot_z, j) / curvature : 0.0;
@@ -68,13 +68,16 @@ BETA = f"""{TOTAL}
 
 
 UPDATE_SEARCH = f"""{BETA}
+    if (first == 0) p_dot_q.iteration.data[0] = j;  // which no range reads here
     if (negative_curvature) return;
     real* __restrict__ p = (real*)search.data;
     const real* __restrict__ z = (const real*)preconditioned.data;
     for (int k = 3 * first; k < 3 * end; ++k) p[k] = z[k] + (real)beta * p[k];
 """
 UPDATE_SOLUTION = f"""
-    if (r_dot_z.iteration.data[0] < 0) return;
+    const int done = p_dot_q.iteration.data[0];
+    if (first == 0) r_dot_z.iteration.data[0] = done + 1;  // which no range reads here
+    if (done < 0) return;
     {ALPHA}
     real* __restrict__ x = (real*)solution.data;
     real* __restrict__ r = (real*)residual.data;
@@ -119,7 +122,8 @@ def conjugate_gradient_kernels(scalar: type) -> SimpleNamespace:
         if i < outcome.shape[0]:
             outcome[i] = wp.float64(0.0)
         if i == 0:
-            r_dot_z.iteration[0] = -1  # it is counted where the preconditioner is applied
+            r_dot_z.iteration[0] = -1
+            p_dot_q.iteration[0] = -1
             running[0] = 1
 
     @wp.kernel(module=module, enable_backward=False)
@@ -200,9 +204,9 @@ def conjugate_gradient_kernels(scalar: type) -> SimpleNamespace:
         change = wp.sqrt(change)
         length = wp.sqrt(length)
         before = outcome[LAST_CHANGE]
-        ratio = wp.float64(SLOWEST)  # of the first window, whose shrinking is not known
+        ratio = wp.float64(SLOWEST_WINDOW)  # of the first window, whose shrinking is not known
         if before > wp.float64(0.0):
-            ratio = wp.min(change / before, wp.float64(SLOWEST))
+            ratio = wp.min(change / before, wp.float64(SLOWEST_WINDOW))
         error = change * wp.max(wp.float64(1.0), ratio / (wp.float64(1.0) - ratio))
         outcome[SOLUTION_LENGTH] = length
         outcome[ERROR] = error
@@ -217,8 +221,8 @@ def conjugate_gradient_kernels(scalar: type) -> SimpleNamespace:
         negative_curvature = total(p_dot_q, iteration - 1) < wp.float64(0.0)
         outcome[NEGATIVE_CURVATURE] = wp.where(negative_curvature, wp.float64(1.0), wp.float64(0.0))
         outcome[ITERATIONS] = wp.float64(iteration)
-        outcome[NORM] = wp.sqrt(wp.max(start, wp.float64(0.0)))
-        outcome[LEFT] = wp.sqrt(wp.max(now, wp.float64(0.0)))
+        outcome[GRADIENT_NORM] = wp.sqrt(wp.max(start, wp.float64(0.0)))
+        outcome[RESIDUAL_NORM] = wp.sqrt(wp.max(now, wp.float64(0.0)))
         wanted = wp.max(limits[0], limits[1] * length)
         # the changes of an ill-conditioned solve can pause: then the residual has not fallen either
         fallen = now <= limits[1] * limits[1] * start

@@ -24,7 +24,7 @@ Shorts = wp.array[wp.int16]
 Singles = wp.array[wp.float32]
 CORNERS = 8
 """Corners of a cell."""
-KEPT = 0.999
+DAMPING = 0.999
 """Factor of the off-diagonal numbers of a symmetric positive matrix with unit diagonal in 16 bits. Rounding there
 changes its eigenvalues, by 8e-4 where it has 1700 rows: so it stays positive also where a few nodes leave grid
 vertices idle."""
@@ -204,7 +204,6 @@ DENSE = """
             y[16 * b + 8 + l] = s[16 * b + 8 + l] * high[l];
         }
     }
-    if (first == 0) iteration.data[0] += 1;
 """
 
 
@@ -239,13 +238,8 @@ def cpu_grid_kernels(scalar: type) -> SimpleNamespace:
         """
 
     @native_kernel(module, types + DENSE)
-    def dense(
-        items: Items, inverse: Shorts, scale: Numbers, residual: Vectors, solution: Vectors, iteration: Ints
-    ):
-        """S A S r of strips, A in parts of `WHOLE`: of each strip column after column.
-
-        It counts the iteration, too, because here its number is not read.
-        """
+    def dense(items: Items, inverse: Shorts, scale: Numbers, residual: Vectors, solution: Vectors):
+        """S A S r of strips, A in parts of `WHOLE`: of each strip column after column."""
 
     return SimpleNamespace(restrict=restrict, prolong=prolong, dense=dense)
 
@@ -391,7 +385,10 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         k = items.first + wp.tid()
         if k < items.end:
             own = r[k]
-            if r_dot_z.iteration[0] >= 0:
+            done = p_dot_q.iteration[0]
+            if k == 0:
+                r_dot_z.iteration[0] = done + 1  # which no thread reads here
+            if done >= 0:
                 alpha = scalar(find_alpha(r_dot_z, p_dot_q))
                 own -= alpha * q[k]
                 r[k] = own
@@ -463,10 +460,8 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
                 correction[v] = vec4(corrected[0], corrected[1], corrected[2], scalar(0.0))
 
     @wp.kernel(module=module, enable_backward=False)
-    def dense(
-        items: Items, inverse: HalfRows, scale: Singles, residual: Singles, correction: Numbers, iteration: Ints
-    ):
-        """The product with a dense inverse. It counts the iteration, too, because here its number is not read."""
+    def dense(items: Items, inverse: HalfRows, scale: Singles, residual: Singles, correction: Numbers):
+        """The product with a dense inverse."""
         item = items.first + wp.tid()
         row = item // ROW_LANES
         value = wp.float32(0.0)
@@ -475,8 +470,6 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         value = add_row(value, ROW_LANES)
         if item < items.end and item % ROW_LANES == 0:
             correction[4 * (row // 3) + row % 3] = scalar(scale[row] * value)
-        if item == 0:
-            iteration[0] = iteration[0] + 1
 
     @wp.kernel(module=module, enable_backward=False)
     def prolong(

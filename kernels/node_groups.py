@@ -1,21 +1,20 @@
 """The inverses of the blocks of nodes that stiff links tie, and their part of the preconditioner.
 
-On CUDA a warp inverts a block, each of its threads a column in registers, and the restriction to
-the grids applies the inverses; on the CPU a range of groups is a loop in C++."""
+On CUDA a warp inverts a block: it has more threads than a block has rows, each of them a column in registers. The
+restriction to the grids applies the inverses. On the CPU a range of groups is a loop in C++."""
 
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
 from .arguments import Ints, Items, array_types, struct
+from .assembly import WARP
 from .native import native_kernel, real
 
 MEMBERS = 8
 """Most nodes of a group."""
 ROWS = 3 * MEMBERS
 """Most rows of its block."""
-WARP = 32
-"""CUDA threads that invert a block, and more than it has rows."""
 FLOOR = 1e-4
 """The least pivot of a block, in parts of its diagonal: rounding of float32 leaves no less of tied nodes."""
 

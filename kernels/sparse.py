@@ -16,7 +16,7 @@ from .vectors import add_sum, component, lane_reducer
 
 PLANES = 9
 """Numbers of a block."""
-LANES = 4
+PRODUCT_LANES = 4
 """CUDA threads that share a row; three write a component each."""
 
 MULTIPLY = """
@@ -117,11 +117,11 @@ def cuda_product_kernels(scalar: type) -> SimpleNamespace:
 
     @wp.func_native(f"""
     decltype(vectors.data[0] + vectors.data[0]) sum;
-    for (int k = first; k < end; k += {2 * LANES}) {{
+    for (int k = first; k < end; k += {2 * PRODUCT_LANES}) {{
         #pragma unroll
         for (int n = 0; n < 2; ++n) {{  // both are asked for before the first is waited for
-            const int block = min(k + {LANES} * n, end - 1);  // past the end the last one, times zero
-            const decltype(+sum[0]) used = k + {LANES} * n < end;
+            const int block = min(k + {PRODUCT_LANES} * n, end - 1);  // past the end the last one, times zero
+            const decltype(+sum[0]) used = k + {PRODUCT_LANES} * n < end;
             const decltype(sum) vector = used * vectors.data[columns.data[block]];
             const auto* number = planes.data + block;
             const size_t next = planes.shape[1];
@@ -134,7 +134,7 @@ def cuda_product_kernels(scalar: type) -> SimpleNamespace:
     return sum;
     """)
     def part_of_row(planes: Planes, columns: Ints, vectors: Vectors, first: int, end: int) -> vec3:
-        """Contribution of one of LANES threads to the product of a row, from its first block on."""
+        """Contribution of one of PRODUCT_LANES threads to the product of a row, from its first block on."""
         ...
 
     @wp.kernel(module=module, enable_backward=False)
@@ -152,13 +152,17 @@ def cuda_product_kernels(scalar: type) -> SimpleNamespace:
     ):
         """p = z + beta p and q = A p, which is A z + beta q, with p . q, in one launch; see `find_beta`."""
         item = items.first + wp.tid()
-        i = item // LANES
-        c = item % LANES
+        i = item // PRODUCT_LANES
+        c = item % PRODUCT_LANES
         j = r_dot_z.iteration[0]
         along = vec3()
         if item < items.end:
             along = part_of_row(planes, columns, z, row_start[i] + c, row_start[i + 1])
-        along = vec3(add_lanes(along[0], LANES), add_lanes(along[1], LANES), add_lanes(along[2], LANES))
+        along = vec3(
+            add_lanes(along[0], PRODUCT_LANES),
+            add_lanes(along[1], PRODUCT_LANES),
+            add_lanes(along[2], PRODUCT_LANES),
+        )
         product = wp.float64(0.0)
         if item < items.end and c < 3:
             k = 3 * i + c
@@ -171,6 +175,8 @@ def cuda_product_kernels(scalar: type) -> SimpleNamespace:
                 p[k] = numbers_of_z[k] + scalar(beta) * p[k]
                 q[k] = own + scalar(beta) * q[k]
             product = wp.float64(p[k]) * wp.float64(q[k])
+        if item == 0:
+            p_dot_q.iteration[0] = j  # which no thread reads here
         add_sum(p_dot_q.products, j, 0, product)
 
     return SimpleNamespace(split_planes=split_planes, update_search_and_multiply=update_search_and_multiply)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import importlib.util
+import subprocess
 import sys
 from pathlib import Path
 
@@ -47,3 +48,9 @@ def test_engine_and_kernels_import_nothing_else() -> None:
 )
 def test_another_import_is_found(source: str) -> None:
     assert foreign("warp_trunk.engine.relaxation.loop", source)
+
+
+def test_decisions_need_no_device() -> None:
+    """Nor Warp: `policy` and what it imports are tested and read without one."""
+    code = "import sys; import warp_trunk.engine.policy; sys.exit('warp' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

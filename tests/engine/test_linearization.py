@@ -12,7 +12,7 @@ import pytest
 
 from support.meshes import block_with_bone, with_skin
 from support.models import increments, model_of, settle
-from warp_trunk.engine.constants import SKIN_RIGIDITY, Constant, constants_of, parts_derivative, value_of
+from warp_trunk.engine.constants import OF_SKIN, Constant, constants_of, parts_derivative, value_of
 from warp_trunk.engine.linearization import Linearization
 from warp_trunk.engine.model import Model
 from warp_trunk.engine.relaxation import RelaxStatus
@@ -114,7 +114,7 @@ def test_bones_against_differences(options: dict[str, Any]) -> None:
 def test_constants_against_differences(options: dict[str, Any]) -> None:
     wanted = {"epsilon", "theta"} if options["energy"] == "itmsm" else {"poisson_ratio"}
     wanted |= {"density", "gravity"} if "gravity" in options else set()
-    wanted |= {SKIN_RIGIDITY} if SKIN_RIGIDITY in options else set()
+    wanted |= {OF_SKIN} if OF_SKIN in options else set()
     assert check_constants(options, 1e-4) == wanted | {"youngs_modulus"}
 
 

@@ -10,7 +10,6 @@ from warp_trunk.kernels.arguments import Items
 
 from warp_trunk.engine.parallel import (
     Parallel,
-    beside,
     choose_device,
     choose_threads,
     in_sequence,
@@ -75,7 +74,7 @@ def test_a_loop_does_its_launches_one_after_the_other(threads: int) -> None:
     left = wp.zeros(1, dtype=wp.int32, device="cpu")
     there, back = (parallel.record(pass_on_kernel, size, [a], [b]) for a, b in ((one, other), (other, one)))
     count = parallel.record(count_down_kernel, np.array([0, 1]), [], [left])
-    run = parallel.graph(parallel.repeat(left, in_sequence(beside(count, there), back)))
+    run = parallel.graph(parallel.repeat(left, in_sequence(count, there, back)))
     one.assign(np.arange(size, dtype=np.int32))
     for done in (1, 2):
         left.fill_(turns)

@@ -12,7 +12,8 @@ The start is what a solve left, and white noise coloured by D^1/2 of the diagona
 M <= m D for groups of m nodes, its component along any direction is normal with a standard deviation of at least
 that of the noise over m^1/2, about a mean that the former gives. The chance that it is below a bound is therefore
 at most sqrt(2 / pi) of their ratio, whatever the mesh and its spectrum: the chance of error. Rounding of H is in
-the shift s.
+the shift s. The noise has the same seed each time, so that runs agree to the last bit: claims on one trunk are
+false no more often for that, but together.
 
 Along a soft direction the noise may cancel what the solve left, and rounding of forces moves the equilibrium.
 How far follows from the matrix T of Lanczos: a unit of noise along the softest direction, of eigenvalue t, moves
@@ -21,23 +22,103 @@ the solution by 1 / t in the norm of M, where the start has moved it by |v| |T^-
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
+import warp as wp
+
+from warp_trunk.kernels.assembly import COLUMNS
+from warp_trunk.kernels.node_groups import MEMBERS
+from warp_trunk.kernels.vectors import vector_kernels
+
+from .outcome import LinearSolution
+from .parallel import Readback
+from .policy import POLICY, Action, Run, decide_claim, decide_end, stretch
+
+if TYPE_CHECKING:
+    from .work import Work
 
 POWERS = 20
 """Of the inverse matrix of Lanczos, by which its largest eigenvalue is found."""
 
 
-@dataclass(frozen=True)
-class Step:
-    """A whole step along the true Hessian."""
+class Certificate:
+    """A claim of CONVERGED at the end of a solve; a method for each sentence of its page (solver.md)."""
 
-    length: float
-    """Of its longest vector [mm]."""
-    left: float
-    """The remaining part of that: by the solve after it, or by how much less the gradient fell [mm]."""
+    def __init__(self, work: Work) -> None:
+        """Records the launches; the matrix is the projected Hessian at rest."""
+        self._work, self._solver, self._noise = work, work.solver, 0.0
+        model, solver, inverse_diagonal = work.state.model, work.solver, work.matrix.inverse_diagonal
+        kernels, self._model = vector_kernels(model.scalar), model
+        white = model.array(np.random.default_rng(0).standard_normal((model.free_nodes, 3)), model.vec3)
+        self._color = model.over_free(kernels.color, [inverse_diagonal, white], [solver.noise])
+        blocks = inverse_diagonal.numpy().astype(float)
+        self._stiffness = float((3.0 / np.trace(blocks, axis1=1, axis2=2)).mean())
+        """Mean stiffness of a node [energy's unit / mm^2]."""
+        before, change = model.free_vectors(), model.free_vectors()
+        largest, back = (
+            model.zeros(wp.float64, model.parallel.ranges, COLUMNS),
+            model.array(-np.ones(1), wp.float64),
+        )
+        self._keep_solution = partial(wp.copy, before, solver.solution)
+        self._largest_change = Readback(model.parallel, largest)
+        self._find_change = model.parallel.graph(
+            model.over_free(kernels.step, [back, solver.solution, before], [change]),
+            largest.zero_,
+            model.over_free(kernels.longest, [change], [largest]),
+            self._largest_change.send,
+        )
+
+    def claim(self, run: Run, solution: LinearSolution) -> tuple[Action, int]:
+        """Continues a solve with noise until no saddle can have been missed and no soft direction is hidden.
+
+        Returns:
+            What comes next, and the linear iterations that were spent.
+        """
+        run.estimate.floor = max(run.estimate.floor, self._work.measure())
+        solution = self.begin(solution)
+        spent = solution.iterations
+        while True:
+            first, chance = self.chances_of_saddle()
+            hidden, rounding = self.hidden() if chance <= POLICY.chance else (0.0, 0.0)
+            run.estimate.floor = max(run.estimate.floor, rounding)
+            action = decide_end(run, solution, chance, hidden)
+            if action is not Action.CERTIFY:
+                return action, spent
+            before = solution.iterations
+            solution = self._solver.go_on(before + stretch(before, first, chance))
+            spent += solution.iterations - before
+
+    def whole_step_holds(self) -> Action:
+        """Before a claim the whole step is tried: CERTIFY, or SEARCH where it leaves too much of its slope."""
+        return decide_claim(self._work.products().slope, self._work.attempt(1.0).products.slope)
+
+    def begin(self, solution: LinearSolution) -> LinearSolution:
+        """That solve is continued from its residual with noise of the same size."""
+        least = POLICY.least_noise * float(np.finfo(self._model.precision).eps)
+        self._noise = max(solution.residual_norm / max(3 * self._model.free_nodes, 1) ** 0.5, least)
+        self._work.drop_trial()
+        self._keep_solution()
+        self._color()
+        return self._solver.add_noise(self._noise)
+
+    def chances_of_saddle(self) -> tuple[float, float]:
+        """No saddle is missed, but with this chance: after the first iteration with noise, and after all."""
+        rounding = POLICY.rounding * float(np.finfo(self._model.precision).eps)
+        noise = self._noise / MEMBERS**0.5  # the block of a group is at most MEMBERS times its diagonal
+        r_dot_z, p_dot_q = self._solver.coefficients()
+        first = chance_of_saddle(r_dot_z[:1], p_dot_q[:1], noise, rounding)
+        return first, chance_of_saddle(r_dot_z, p_dot_q, noise, rounding)
+
+    def hidden(self) -> tuple[float, float]:
+        """Nor is a soft direction hidden: how far noise and rounding of forces may have moved along it [mm]."""
+        r_dot_z, p_dot_q = self._solver.coefficients()
+        noise = float(r_dot_z[0] / (3 * self._model.free_nodes)) ** 0.5
+        rounding = POLICY.rounding_of_forces * self._work.floor() * self._stiffness**0.5
+        self._find_change()
+        unit = POLICY.deviations * response(r_dot_z, p_dot_q) * float(self._largest_change.read().max()) ** 0.5
+        return noise * unit, rounding * unit
 
 
 def chance_of_saddle(r_dot_z: np.ndarray, p_dot_q: np.ndarray, noise: float, rounding: float) -> float:
@@ -101,14 +182,3 @@ def until_nothing_is_left(r_dot_z: np.ndarray, p_dot_q: np.ndarray) -> tuple[np.
     nothing = np.minimum(r_dot_z, p_dot_q) <= 0.0
     count = int(np.argmax(nothing)) if nothing.any() else len(nothing)
     return r_dot_z[:count], p_dot_q[:count]
-
-
-def reach(left: float, steps: Sequence[Step], slowest: float) -> float:
-    """How far the equilibrium can be where a Newton step has a length [mm].
-
-    The last step at least as long shows how little the Hessian changes on the way: if it left a part q of itself,
-    there is one equilibrium within 1 / (1 - q) of the length (Newton and Kantorovich). q is at most `slowest`,
-    also where there was none.
-    """
-    seen = (step.left / step.length for step in reversed(steps) if step.length >= left > 0.0)
-    return left / (1.0 - min(next(seen, slowest), slowest))

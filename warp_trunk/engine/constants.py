@@ -16,7 +16,7 @@ STEP = 1e-6
 """Part of a constant by which it is changed to either side; weights are float64, and linear in most constants."""
 PART_STEP = 1e-3
 """How much of a change of parts is added and taken away; weights are float64, and linear in the parts."""
-SKIN_RIGIDITY = "skin_rigidity"
+OF_SKIN = "skin_rigidity"
 STIFFNESS = "stiffness"
 """Name of the array of the skin's weights among those of the energy."""
 _OF_TERM = {"epsilon": "area", "theta": "volume"}
@@ -45,7 +45,7 @@ def constants_of(model: Model) -> tuple[Constant, ...]:
     names += ["poisson_ratio"] * (not itmsm)
     names += ["youngs_modulus"] * (falls or several or skin) + ["density"] * falls
     found = [Constant(name, number) for number in range(len(model.tissues)) for name in names]
-    return (*found, *[Constant("gravity")] * falls, *[Constant(SKIN_RIGIDITY)] * skin)
+    return (*found, *[Constant("gravity")] * falls, *[Constant(OF_SKIN)] * skin)
 
 
 def value_of(model: Model, constant: Constant) -> float:
@@ -56,7 +56,7 @@ def value_of(model: Model, constant: Constant) -> float:
     """
     if constant.name == "gravity":
         return model.gravity
-    if constant.name == SKIN_RIGIDITY and model.skin is not None:
+    if constant.name == OF_SKIN and model.skin is not None:
         return model.skin.rigidity
     if constant.name in TISSUE_LIMITS and (constant.tissue or 0) in range(len(model.tissues)):
         return float(getattr(model.tissues[constant.tissue or 0], constant.name))
@@ -125,7 +125,7 @@ def _weights(model: Model, constant: Constant, change: float) -> dict[str, np.nd
     found = model.elements.weights(mesh, gravity)
     if model.skin is None:
         return found
-    rigidity = model.skin.rigidity + (change if constant.name == SKIN_RIGIDITY else 0.0)
+    rigidity = model.skin.rigidity + (change if constant.name == OF_SKIN else 0.0)
     return {**found, STIFFNESS: rigidity * model.elements.per_millijoule(mesh) * model.skin.shares}
 
 

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 import warp as wp
 
-from warp_trunk.kernels.multigrid import KEPT, OCTET, STRIP, WHOLE, cpu_grid_kernels
+from warp_trunk.kernels.multigrid import DAMPING, OCTET, STRIP, WHOLE, cpu_grid_kernels
 
 from .model import Model
 from .parallel import Launch
@@ -28,7 +28,7 @@ class DenseInverse:
     """
 
     numbers: np.ndarray
-    """A in parts of WHOLE, what is off its diagonal times KEPT, shape (n, n), int16."""
+    """A in parts of WHOLE, what is off its diagonal times DAMPING, shape (n, n), int16."""
     scale: np.ndarray
     """The diagonal of S, shape (n,)."""
 
@@ -50,7 +50,7 @@ def invert(matrix: np.ndarray) -> DenseInverse:
     for shift in (SHIFT, IDLE_SHIFT):
         for layer, rows in inverse_rows(matrix, scale, shift):
             root[layer] = np.sqrt(np.diagonal(rows))
-            unit = rows * (KEPT * WHOLE / root[layer])[:, None]
+            unit = rows * (DAMPING * WHOLE / root[layer])[:, None]
             unit *= 1.0 / root[layer.start :]
             numbers[layer, layer.start :] = np.rint(unit, out=unit)
             numbers[layer.stop :, layer] = numbers[layer, layer.stop :].T
@@ -116,9 +116,9 @@ class DenseProduct:
         self.numbers = model.array(numbers.swapaxes(0, 1).ravel(), wp.int16)
         self._scale = model.array(np.pad(inverse.scale / math.sqrt(WHOLE), unused), model.scalar)
 
-    def record(self, residual: wp.array, solution: wp.array, iteration: wp.array, bounds: np.ndarray) -> Launch:
-        """Records the product, and the counting of the iteration, for bounds of the ranges of strips.
+    def record(self, residual: wp.array, solution: wp.array, bounds: np.ndarray) -> Launch:
+        """Records the product for bounds of the ranges of strips.
 
         Both vectors are of shape (n / 3 + STRIP,), vec3, of which n / 3 count."""
         kernel, given = cpu_grid_kernels(self._model.scalar).dense, [self.numbers, self._scale, residual]
-        return self._model.parallel.record(kernel, bounds, given, [solution, iteration])
+        return self._model.parallel.record(kernel, bounds, given, [solution])

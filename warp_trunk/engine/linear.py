@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import Enum
 from functools import partial
 from typing import Protocol
 
@@ -14,20 +13,27 @@ import warp as wp
 from warp_trunk.kernels.arguments import filled
 from warp_trunk.kernels.conjugate_gradient import (
     ERROR,
+    GRADIENT_NORM,
     ITERATIONS,
-    LEFT,
     NEGATIVE_CURVATURE,
-    NORM,
     PADDING,
+    RESIDUAL_NORM,
     SOLUTION_LENGTH,
     Dots,
     conjugate_gradient_kernels,
 )
-from warp_trunk.kernels.sparse import LANES, PLANES, cpu_product_kernel, cuda_product_kernels, diagonal_inverter
+from warp_trunk.kernels.sparse import (
+    PLANES,
+    PRODUCT_LANES,
+    cpu_product_kernel,
+    cuda_product_kernels,
+    diagonal_inverter,
+)
 from warp_trunk.kernels.vectors import vector_kernels
 
 from .assembly import assemble_symmetric
 from .model import Model
+from .outcome import LinearSolution, Outcome
 from .parallel import Launch, Readback, in_sequence, view
 from .state import State
 from .topology import equal_parts
@@ -38,11 +44,10 @@ SHORT_WINDOW = 2
 """The same of a solve from near its end, which needs few iterations."""
 
 
-def zero_dots(model: Model, iteration: wp.array | None = None, rows: int = 1) -> Dots:
+def zero_dots(model: Model, rows: int = 1) -> Dots:
     """Room for the products of some iterations, or for one that is not read."""
-    counter = model.zeros(wp.int32, 1) if iteration is None else iteration
     products = model.zeros(wp.float64, rows, PADDING * model.parallel.ranges)
-    return filled(Dots, iteration=counter, products=products)
+    return filled(Dots, iteration=model.zeros(wp.int32, 1), products=products)
 
 
 @dataclass(frozen=True)
@@ -67,8 +72,9 @@ class Iterates:
     @classmethod
     def zero(cls, model: Model, rows: int) -> Iterates:
         """All of them zero, with room for the products of some iterations and none counted."""
-        iteration = model.array(np.array([-1]), wp.int32)
-        r_dot_z, p_dot_q = (zero_dots(model, iteration, rows) for _ in range(2))
+        r_dot_z, p_dot_q = (zero_dots(model, rows) for _ in range(2))
+        for dots in (r_dot_z, p_dot_q):
+            dots.iteration.fill_(-1)
         x, r, z, p, q = (model.free_vectors() for _ in range(5))
         return cls(x, r, z, p, q, r_dot_z, p_dot_q)
 
@@ -77,9 +83,9 @@ class Preconditioner(Protocol):
     """A symmetric positive definite M that is near the matrix and whose inverse is cheap to apply."""
 
     def step_and_apply(self, at: Iterates) -> Launch:
-        """Records x += alpha p and r -= alpha q, but before the first iteration, then z = M^-1 r with r . z.
+        """Records the step of conjugate gradients, which counts the iteration, then z = M^-1 r with r . z.
 
-        It counts the iteration: fewer launches are faster.
+        Both in one: fewer launches are faster.
         """
         ...
 
@@ -153,43 +159,16 @@ class BlockMatrix:
             z, p, q = (view(v, model.scalar, 3 * len(v)) for v in (at.preconditioned, at.search, at.product))
             given = [self.row_start, self.columns, self._planes, *dots, at.preconditioned, z]
             kernel = cuda_product_kernels(model.scalar).update_search_and_multiply
-            return model.parallel.record(kernel, LANES * model.free_nodes, given, [p, q])
+            return model.parallel.record(kernel, PRODUCT_LANES * model.free_nodes, given, [p, q])
         update_search = conjugate_gradient_kernels(model.scalar).update_search
         update = model.parallel.record(update_search, self.bounds, [*dots, at.preconditioned], [at.search])
         return in_sequence(update, self.multiply(at.search, at.product, at.p_dot_q))
 
     def update_solution(self, at: Iterates) -> Launch:
-        """Records x += alpha p and r -= alpha q, but before the first iteration, on the CPU."""
+        """Records the step on the CPU, x += alpha p and r -= alpha q, but before the first iteration."""
         kernel = conjugate_gradient_kernels(self.model.scalar).update_solution
         given = [at.r_dot_z, at.p_dot_q, at.search, at.product]
         return self.model.parallel.record(kernel, self.bounds, given, [at.solution, at.residual])
-
-
-class Outcome(Enum):
-    """Why a linear solve ended."""
-
-    SOLVED = "no vector is estimated to be wrong by more than was asked for"
-    NEGATIVE_CURVATURE = "a search direction of negative curvature was met; `search` holds it"
-    EXHAUSTED = "the bound of iterations was reached, so that the error is not known"
-    UNSOUND = "a vector is not finite, or rounding has made the preconditioner indefinite"
-
-
-@dataclass(frozen=True)
-class LinearSolution:
-    """How a linear solve ended."""
-
-    outcome: Outcome
-    """Why."""
-    iterations: int
-    """Products with the matrix."""
-    length: float
-    """Length of the solution's longest vector [mm]; not finite where a vector is not."""
-    error: float
-    """Estimated error of a vector [mm], from how the changes from one test to the next shrank."""
-    norm: float
-    """The square root of g . M^-1 g."""
-    left: float
-    """The same of the residual."""
 
 
 class ConjugateGradient:
@@ -308,8 +287,8 @@ class ConjugateGradient:
             iterations=int(outcome[ITERATIONS]),
             length=float(outcome[SOLUTION_LENGTH]),
             error=float(outcome[ERROR]),
-            norm=float(outcome[NORM]),
-            left=float(outcome[LEFT]),
+            gradient_norm=float(outcome[GRADIENT_NORM]),
+            residual_norm=float(outcome[RESIDUAL_NORM]),
         )
 
     def coefficients(self) -> tuple[np.ndarray, np.ndarray]:

@@ -22,9 +22,10 @@ from warp_trunk.errors import InputError
 
 from .constants import STIFFNESS, Constant, weight_derivative
 from .coupling import Coupling
-from .linear import ConjugateGradient, Outcome, zero_dots
+from .linear import ConjugateGradient, zero_dots
 from .model import Model
 from .newton import Relaxer
+from .outcome import Outcome
 from .relaxation import RelaxStatus
 from .rest_derivative import rest_force_derivative, rest_motions
 from .simulation import Increment
@@ -45,7 +46,7 @@ class Adjoints:
 
     fields: np.ndarray
     """l with H l = dN/du."""
-    left: np.ndarray
+    residual: np.ndarray
     """dN/du - H l, which the solves left."""
 
 
@@ -132,9 +133,9 @@ class Linearization:
         right[: len(weights)], right[len(weights) :] = self._of_free(weights), force
         start = np.zeros_like(right)
         start[len(weights) :] = moved[:, self.model.free]
-        found, left = self._in_turn(self._solve, right, self._accuracy, start)
+        found, residual = self._in_turn(self._solve, right, self._accuracy, start)
         moved[:, self.model.free] = found[len(weights) :]
-        of_numbers = (self._in_mesh_order(each[: len(weights)]) for each in (found, left))
+        of_numbers = (self._in_mesh_order(each[: len(weights)]) for each in (found, residual))
         return Adjoints(*of_numbers), self._in_mesh_order(moved)
 
     def position_derivatives(self, adjoints: Adjoints) -> np.ndarray:
@@ -142,7 +143,7 @@ class Linearization:
 
         On free nodes they are what the adjoints left: to be multiplied with a guess of how these follow.
         """
-        model, derivative = self.model, adjoints.left.copy()
+        model, derivative = self.model, adjoints.residual.copy()
         if model.free_nodes:
             by_bones = -self._coupling.transposed_times(self._of_free(adjoints.fields))
             derivative[:, model.order[model.prescribed]] = by_bones
@@ -216,12 +217,12 @@ class Linearization:
         All are of shape (fields, free, 3). One after the other: conjugate gradients that share the passes over the
         matrix between 16 right-hand sides took the whole command as long (`simulate --bands`, 45 right-hand
         sides)."""
-        found, left = np.zeros_like(force), np.zeros_like(force)
+        found, residual = np.zeros_like(force), np.zeros_like(force)
         if self.model.free_nodes:
             for number, right in enumerate(force):
                 start = None if guess is None or not guess[number].any() else guess[number]
-                found[number], left[number] = self._solve_one(right, start, relative)
-        return found, left
+                found[number], residual[number] = self._solve_one(right, start, relative)
+        return found, residual
 
     def _solve_one(
         self, force: np.ndarray, guess: np.ndarray | None, relative: float
@@ -245,8 +246,8 @@ class Linearization:
                 "sensitivities: the trunk is at no stable equilibrium, or too near the end of one; "
                 "simulate with a smaller tolerance"
             )
-        found, left = solver.solution.numpy() * size, solver.residual.numpy() * size
-        return (found if guess is None else found + guess), left
+        found, residual = solver.solution.numpy() * size, solver.residual.numpy() * size
+        return (found if guess is None else found + guess), residual
 
     def _of_free(self, fields: np.ndarray) -> np.ndarray:
         return fields[:, self.model.order[self.model.free]]

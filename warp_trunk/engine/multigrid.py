@@ -39,7 +39,7 @@ from .grids import Grids, Interpolation, lay_grids
 from .linear import BlockMatrix, Iterates, zero_dots
 from .model import Model
 from .node_groups import NodeGroups
-from .parallel import Launch, beside, in_sequence, view
+from .parallel import Launch, in_sequence, view
 from .topology import equal_parts
 
 MOST_DENSE = 4
@@ -47,7 +47,7 @@ MOST_DENSE = 4
 
 
 class Multigrid:
-    """The levels of a trunk on its device, made of the matrix at rest; see `Preconditioner`.
+    """The levels of a trunk on its device, made of its matrix at rest; see `Preconditioner`.
 
     Of the matrix that is assembled later it has the blocks of nodes and groups, and where asked those of grids.
     """
@@ -56,14 +56,13 @@ class Multigrid:
     """Its grids, which also serve where more nodes are free."""
 
     def __init__(self, matrix: BlockMatrix, grids: Grids | None = None) -> None:
-        """Lays the grids over the free nodes at rest and takes the projected Hessian at the matrix's state onto
+        """Lays the grids over the free nodes at rest and takes the matrix as it is, a projected Hessian, onto
         them.
 
         Where `grids` are given they reach only the nodes that were free when they were laid: their matrices are
         then those of before, and nodes that were freed later have their own blocks.
         """
         self.model = model = matrix.model
-        matrix.assemble_projected()
         laid, to_nodes = lay_grids(model.rest[model.free]) if grids is None else grids.reaching(model.free_nodes)
         onto_nodes = [_Interpolation(model, onto) for onto in to_nodes]
         sizes = [onto.vertices for onto in to_nodes]
@@ -154,9 +153,9 @@ class CpuLevels:
             up.append(record(kernels.prolong, bounds, interpolate, [z, dots]))
             r, z, dots, bounds = residual, correction, zero_dots(model), matrix.split(grid.vertices)
             members = groups_type(model.scalar)()  # none
-        solve = self._inverse.record(r, z, at.r_dot_z.iteration, matrix.split(self._inverse.strips))
+        solve = self._inverse.record(r, z, matrix.split(self._inverse.strips))
         correct = groups.correct(at.residual)
-        return in_sequence(matrix.update_solution(at), beside(correct, in_sequence(*down)), solve, *up[::-1])
+        return in_sequence(matrix.update_solution(at), correct, *down, solve, *up[::-1])
 
 
 class CudaLevels:
@@ -242,7 +241,7 @@ class CudaLevels:
                 kernels.dense,
                 rows * ROW_LANES,
                 [self._inverse, self._scale, coarsest_residual],
-                [view(correction, model.scalar, 4 * self._vertices), at.r_dot_z.iteration],
+                [view(correction, model.scalar, 4 * self._vertices)],
             ),
             record(
                 kernels.prolong,

@@ -17,12 +17,13 @@ import warp as wp
 
 from .grids import Grids
 from .line_search import MOST_TRIALS, search
-from .linear import BlockMatrix, Outcome
+from .linear import BlockMatrix
 from .model import Model
 from .multigrid import Multigrid
+from .outcome import Outcome
 from .ownership import Ownership
 from .parallel import takes_turns
-from .policy import POLICY, Action, PlannedSolve, Run, decide, decide_claim, decide_end, plan, searched, stretch
+from .policy import Action, PlannedSolve, Reuse, Run, Saddle, decide, plan, searched
 from .relaxation import ROUNDING, History, Relaxation, RelaxOptions, RelaxStatus, RelaxStep, check_tolerance
 from .state import State
 from .work import Work
@@ -33,6 +34,9 @@ class Relaxer:
 
     state: State
     """The configuration that holds: set it, relax it, read it. Its arrays stay the same."""
+
+    work: Work | None
+    """The work with it on the device; None where no node is free."""
 
     ownership: Ownership
     """Which simulation, linearization or relaxation uses it."""
@@ -51,21 +55,21 @@ class Relaxer:
         self.options = options or RelaxOptions()
         self.state = State(model)
         self.ownership = Ownership(self.state)
-        if model.free_nodes:
-            self._work = Work(self.state, grids)
+        self.work = Work(self.state, grids) if model.free_nodes else None
 
     @property
     def grids(self) -> Grids | None:
         """The grids of the preconditioner, for models `released` from this one; None where no node is free."""
-        return self._work.preconditioner.grids if self.model.free_nodes else None
+        return self.work and self.work.preconditioner.grids
 
     def assemble_true(self, displacement: wp.array) -> tuple[BlockMatrix, Multigrid]:
         """The true Hessian at a displacement from rest, and a preconditioner of it, for a user who is at work.
 
         The model must have free nodes. `state` is then at that displacement.
         """
+        work = self.work
+        assert work is not None
         self.state.set_from_rest(displacement)
-        work = self._work
         work.evaluate()
         work.assemble(true=False, grids=True)
         work.assemble(true=True)
@@ -73,8 +77,8 @@ class Relaxer:
 
     def prepare(self) -> None:
         """Assembles the projected Hessian where the last relaxation ended, for the next one with `reuse`."""
-        if self.model.free_nodes:
-            self.ownership.work(None, self._work.assemble, true=False)
+        if self.work is not None:
+            self.ownership.work(None, self.work.assemble, true=False)
 
     def relax(
         self,
@@ -105,7 +109,7 @@ class Relaxer:
                 was taken, or a `watch` that moved the tissue.
         """
         check_tolerance(tolerance := self.options.tolerance if tolerance is None else tolerance)
-        run = Run(tolerance, confirm, try_true=confirm and near, reuse=reuse)
+        run = Run(tolerance, confirm, saddle=Saddle(try_true=confirm and near), reuse=Reuse(hessian=reuse))
         return self.ownership.work(user, self._relax, run, watch, confirm, confirm_inverted, meanwhile)
 
     def _relax(
@@ -118,9 +122,8 @@ class Relaxer:
     ) -> Relaxation:
         """See `relax`."""
         start = time.perf_counter()
-        work, planned = None, plan(run)
-        if self.model.free_nodes:
-            work = self._work
+        work, planned = self.work, plan(run)
+        if work is not None:
             work.evaluate()
             begin(work, planned)
         else:
@@ -128,27 +131,23 @@ class Relaxer:
         if meanwhile is not None:
             meanwhile()
         energy, inverted, _ = self.state.read()
-        history = History(
-            energy,
-            inverted,
-            ROUNDING[self.model.precision],
-            start,
-            watch=watch and partial(self.state.show, watch),
-        )
+        watch_state = watch and partial(self.state.show, watch)
+        history = History(energy, inverted, ROUNDING[self.model.precision], start, watch=watch_state)
         if not math.isfinite(energy.total):
             return history.end(RelaxStatus.NOT_FINITE, math.inf)
         if work is None:
             return history.end(RelaxStatus.CONVERGED, 0.0)
-        run.floor = work.floor()
+        estimate = run.estimate
+        estimate.floor = work.floor()
         run.confirm = confirm and (confirm_inverted or not history.inverted_tets)
         for _step in range(self.options.max_steps):
             # Solve: the direction to the equilibrium, and how far that is.
             action, iterations = find_direction(work, run, planned)
-            history.solved(run.distance, iterations)
+            history.solved(estimate.distance, iterations)
             history.evaluations = work.evaluations
             if action is Action.CONVERGED:
-                return history.end(RelaxStatus.CONVERGED, run.distance)
-            if action is Action.STALLED or history.stagnated(run.distance):
+                return history.end(RelaxStatus.CONVERGED, estimate.distance)
+            if action is Action.STALLED or history.stagnated(estimate.distance):
                 return history.end(RelaxStatus.STALLED, math.inf)
             # Line search: a length that lowers the energy and inverts nothing that must not be inverted.
             trial, _ = search(
@@ -157,7 +156,7 @@ class Relaxer:
                 history.energy.total,
                 work.products().slope,
                 rounding=history.rounding,
-                most=1 if run.reuse else MOST_TRIALS,  # a Hessian of before is not worth more
+                most=1 if run.reuse.hessian else MOST_TRIALS,  # a Hessian of before is not worth more
             )
             history.evaluations = work.evaluations
             if trial is not None:
@@ -165,26 +164,13 @@ class Relaxer:
                 history.add(trial)
                 run.confirm = confirm and (confirm_inverted or not history.inverted_tets)
             leads_on = searched(run, trial and trial.length)
-            if not run.confirm and run.known and run.distance <= run.tolerance:
-                return history.end(RelaxStatus.NEAR, run.distance)
+            if not run.confirm and estimate.known and estimate.distance <= run.tolerance:
+                return history.end(RelaxStatus.NEAR, estimate.distance)
             if not leads_on:
                 return history.end(RelaxStatus.STALLED, math.inf)
             planned = plan(run)
             begin(work, planned)
         return history.end(RelaxStatus.STEP_LIMIT, math.inf)
-
-    def estimate_distance(self) -> tuple[float, int]:
-        """Solves for the Newton step at the state as it is, of a model with free nodes, for a user who is at work.
-
-        Returns:
-            An estimate of how far the equilibrium is [mm], and the linear iterations.
-        """
-        run = Run(0.0)
-        planned = plan(run)
-        self._work.evaluate()
-        begin(self._work, planned)
-        _, iterations = find_direction(self._work, run, planned)
-        return run.distance, iterations
 
 
 def begin(work: Work, planned: PlannedSolve) -> None:
@@ -193,49 +179,58 @@ def begin(work: Work, planned: PlannedSolve) -> None:
     work.launch(planned, ahead=True)
 
 
+def solve(work: Work, run: Run) -> tuple[Action, int]:
+    """Plans, begins and reads a solve; see `find_direction`."""
+    planned = plan(run)
+    begin(work, planned)
+    return find_direction(work, run, planned)
+
+
+def estimate_distance(work: Work) -> tuple[float, int]:
+    """Solves for the Newton step at the state as it is.
+
+    Returns:
+        An estimate of how far the equilibrium is [mm], and the linear iterations.
+    """
+    run = Run(0.0)
+    work.evaluate()
+    _, iterations = solve(work, run)
+    return run.estimate.distance, iterations
+
+
 def find_direction(work: Work, run: Run, planned: PlannedSolve) -> tuple[Action, int]:
     """Reads a solve that was begun, and solves again or continues it until a direction or the end is found.
 
     Returns:
         SEARCH along the direction, CONVERGED or STALLED; and the linear iterations.
     """
-    spent = 0
+    spent, saddle = 0, run.saddle
     while True:
         solution = work.read()
         spent += solution.iterations
-        if planned.true and run.down is not None:
-            if work.curvature(run.down) < 0.0:
+        if planned.true and saddle.down is not None:
+            if work.curvature(saddle.down) < 0.0:
                 solution = replace(solution, outcome=Outcome.NEGATIVE_CURVATURE)
             else:
-                run.down = None  # the state has left it
-        action, certifying = decide(run, planned, solution), False
+                saddle.down = None  # the state has left it
+        action, claimed = decide(run, planned, solution), False
         if action is Action.TRY:
-            action = decide_claim(work.products().slope, work.attempt(1.0).products.slope)
+            action = work.certificate.whole_step_holds()
         if action is Action.CERTIFY:
-            certifying, run.floor = True, max(run.floor, work.measure())
-            solution = work.certify(solution)
-            spent += solution.iterations
-        while action is Action.CERTIFY:
-            first, chance = work.chances()
-            hidden, rounding = work.hidden() if chance <= POLICY.chance else (0.0, 0.0)
-            run.floor = max(run.floor, rounding)
-            action = decide_end(run, solution, chance, hidden)
-            if action is Action.CERTIFY:
-                before = solution.iterations
-                solution = work.go_on(before + stretch(before, first, chance))
-                spent += solution.iterations - before
+            claimed = True
+            action, iterations = work.certificate.claim(run, solution)
+            spent += iterations
         match action:
             case Action.SOLVE:
                 planned = plan(run)
                 begin(work, planned)
             case Action.DESCEND:
-                run.down = work.negative_curvature() if run.down is None else run.down
-                work.descend(run.down, run.tolerance, on=not certifying)
+                saddle.down = work.negative_curvature() if saddle.down is None else saddle.down
+                work.descend(saddle.down, run.tolerance, on=not claimed)
                 return Action.SEARCH, spent
-            case Action.SEARCH if certifying:
-                work.turn_downhill()  # noise may point either way
-                return action, spent
             case Action.SEARCH | Action.CONVERGED | Action.STALLED:
+                if claimed and action is Action.SEARCH:
+                    work.turn_downhill()  # noise may point either way
                 return action, spent
             case Action.TRY | Action.CERTIFY:
                 raise AssertionError

@@ -47,11 +47,11 @@ def bisect(points: np.ndarray, parts: int) -> tuple[np.ndarray, np.ndarray]:
         axis = np.argmax(high - low, axis=1)
         along = np.where(pieces[group] > 1, ranks[axis[group], order], 0)
         order = order[np.argsort(group * len(points) + along, kind="stable")]
-        left = pieces // 2
+        lower = pieces // 2
         sizes = np.diff(bounds)
-        middle = bounds[:-1] + sizes * left // np.maximum(pieces, 1)
+        middle = bounds[:-1] + sizes * lower // np.maximum(pieces, 1)
         keep = pieces > 1
         bounds = np.unique(np.concatenate([bounds, middle[keep]]))
-        pieces = np.column_stack([np.where(keep, left, pieces), np.where(keep, pieces - left, 0)]).ravel()
+        pieces = np.column_stack([np.where(keep, lower, pieces), np.where(keep, pieces - lower, 0)]).ravel()
         pieces = pieces[pieces > 0]
     return order, bounds

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial, wraps
 from itertools import pairwise
 from typing import Any, ParamSpec, TypeVar
@@ -193,13 +192,6 @@ def in_sequence(*launches: Launch) -> Launch:
             each()
 
     return launch
-
-
-def beside(launch: Launch, other: Launch) -> Launch:
-    """Two launches on the CPU of which neither reads or writes what the other writes: no thread waits between."""
-    if isinstance(launch, _Recorded):
-        launch = _Recorded(launch.team, [replace(step, meets=False) for step in launch.steps])
-    return in_sequence(launch, other)
 
 
 class _Recorded:

@@ -9,13 +9,13 @@ can have been missed (`certify`)."""
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
 
-from .certify import Step, reach
-from .linear import LinearSolution, Outcome
+from .outcome import LinearSolution, Outcome
 
 
 class Phase(Enum):
@@ -112,18 +112,20 @@ class PlannedSolve:
     """Whether few are expected, so that convergence is tested sooner."""
 
 
-@dataclass
-class Run:
-    """Everything that changes during one relaxation, beside its state and the steps it reports."""
+@dataclass(frozen=True)
+class Step:
+    """A whole step along the true Hessian."""
 
-    tolerance: float
-    """Wanted distance [mm]."""
-    confirm: bool = False
-    """Whether the end is to be confirmed."""
-    try_true: bool = False
-    """Whether the next solve is with the true Hessian, however far the end is."""
-    reuse: bool = False
-    """Whether solves may still take the projected Hessian that was assembled before the relaxation."""
+    length: float
+    """Of its longest vector [mm]."""
+    remainder: float
+    """The part of that which it left: by the solve after it, or by how much less the gradient fell [mm]."""
+
+
+@dataclass
+class Estimate:
+    """The distance to the equilibrium, as a relaxation has found it so far."""
+
     floor: float = 0.0
     """Rounding error of every distance [mm]."""
     phase: Phase = Phase.PROJECTED
@@ -134,9 +136,9 @@ class Run:
     """Whether the solve behind the distance ended SOLVED."""
     length: float = math.inf
     """Of the longest vector of the last solution [mm]."""
-    norm: float = 0.0
-    """The square root of g . M^-1 g where that was found."""
-    left: float = 0.0
+    gradient_norm: float = 0.0
+    """The square root of g . M^-1 g where that was found [root of the energy's unit]."""
+    remainder: float = 0.0
     """The part of the last true step that it left, by how much less the gradient fell [mm]."""
     whole: bool = False
     """Whether the last solution was taken as a whole step."""
@@ -146,58 +148,116 @@ class Run:
     longer end early."""
     longest_solve: int = 0
     """The most iterations of a solve for a step, or of one with noise that led to a step."""
+    steps: list[Step] = field(default_factory=list)
+    """Whole steps along the true Hessian."""
+
+    def update(self, solution: LinearSolution, policy: Policy, *, true: bool, confirm: bool) -> None:
+        """Sets the distance by the length of a solution and how much shorter it is than the one before."""
+        length, before = solution.length + solution.error, self.length
+        self.known, self.remainder = solution.outcome is Outcome.SOLVED, 0.0
+        if true and self.whole and self.phase is Phase.TRUE:
+            self.remainder = solution.gradient_norm / self.gradient_norm * before
+            self.steps.append(Step(before, max(self.remainder, length)))
+        contraction = policy.first
+        if 0.0 < before < math.inf:
+            fallen = solution.gradient_norm / self.gradient_norm  # less than the length, where stiff hides soft
+            contraction = min(max(length / before, fallen), policy.slowest)
+            self.known = self.known and (confirm or fallen <= 1.0)  # or else the step strained stiff motions
+        self.length, self.gradient_norm = length, solution.gradient_norm
+        self.phase = Phase.TRUE if true else Phase.PROJECTED
+        self.distance = self.floor + length * max(1.0, contraction / (1.0 - contraction))
+
+    def bound(self, policy: Policy) -> float:
+        """The distance within which there is an equilibrium, by the true steps so far [mm]."""
+        return self.floor + reach(max(self.length, self.remainder), self.steps, policy.slowest)
+
+
+@dataclass
+class Saddle:
+    """The saddles that a relaxation has met."""
+
+    try_true: bool = False
+    """Whether the next solve is with the true Hessian, however far the end is."""
     nearer: float = math.inf
     """The distance within which the true Hessian, found indefinite, is tried again [mm]."""
-    at_saddle: bool = False
+    is_near: bool = False
     """Whether negative curvature is followed rather than avoided."""
     down: np.ndarray | None = None
     """The last direction of negative curvature, shape (free nodes, 3), until the state has left it."""
-    steps: list[Step] = field(default_factory=list)
-    """Whole steps along the true Hessian."""
+
+
+@dataclass
+class Reuse:
+    """The parts of the solver that a relaxation may take from before."""
+
+    hessian: bool = False
+    """Whether solves may still take the projected Hessian that was assembled before the relaxation."""
+    grids: bool = False
+    """Whether the preconditioner's grids need not follow the next projected Hessian: they have followed one, and
+    the relaxation has not gone another way since."""
+
+
+@dataclass
+class Run:
+    """Everything that changes during one relaxation, beside its state and the steps it reports."""
+
+    tolerance: float
+    """Wanted distance [mm]."""
+    confirm: bool = False
+    """Whether the end is to be confirmed."""
+    estimate: Estimate = field(default_factory=Estimate)
+    """The distance, as estimated."""
+    saddle: Saddle = field(default_factory=Saddle)
+    """The saddles that were met."""
+    reuse: Reuse = field(default_factory=Reuse)
+    """The parts that may be reused."""
 
 
 def plan(run: Run, policy: Policy = POLICY) -> PlannedSolve:
     """The next linear solve."""
-    within = min(run.nearer, max(run.tolerance, policy.near))
-    was_true = run.phase is Phase.TRUE
-    true = run.confirm and (run.try_true or (was_true and run.whole) or run.distance <= within)
+    estimate, saddle = run.estimate, run.saddle
+    within = min(saddle.nearer, max(run.tolerance, policy.near))
+    went_true = estimate.phase is Phase.TRUE and estimate.whole
+    true = run.confirm and (saddle.try_true or went_true or estimate.distance <= within)
     return PlannedSolve(
         true,
-        fresh=true or not run.reuse,
-        grids=run.confirm and not true and math.isinf(run.length),
+        fresh=true or not run.reuse.hessian,
+        grids=run.confirm and not true and not run.reuse.grids,
         absolute=policy.accuracy * run.tolerance,
         relative=policy.true_accuracy if true else policy.projected_accuracy,
-        least_iterations=run.longest_solve if run.cut else 0,
-        short=run.reuse,
+        least_iterations=estimate.longest_solve if estimate.cut else 0,
+        short=run.reuse.hessian,
     )
 
 
 def decide(run: Run, planned: PlannedSolve, solution: LinearSolution, policy: Policy = POLICY) -> Action:
     """The next thing after a planned solve."""
-    run.try_true = False
+    estimate, run.saddle.try_true = run.estimate, False
     if solution.outcome is Outcome.SOLVED:
-        run.longest_solve = max(run.longest_solve, solution.iterations)
+        estimate.longest_solve = max(estimate.longest_solve, solution.iterations)
     match solution.outcome:
         case _ if not planned.fresh and _leads_astray(run, solution, policy):
-            run.reuse = False
+            run.reuse.hessian = False
             return Action.SOLVE
         case Outcome.UNSOUND if not planned.true:
             return Action.STALLED
         case Outcome.UNSOUND:  # the preconditioner was made too far away
             return _avoid(run, policy)
         case Outcome.NEGATIVE_CURVATURE if planned.true:
-            return _descend(run) if run.at_saddle else _avoid(run, policy)
+            return _descend(run) if run.saddle.is_near else _avoid(run, policy)
         case Outcome.SOLVED | Outcome.EXHAUSTED | Outcome.NEGATIVE_CURVATURE:  # of a projected one: rounding
-            _estimate(run, planned, solution, policy)
-            near = run.known and max(run.distance, bound(run, policy)) <= run.tolerance
-            negligible = run.length <= max(run.floor, policy.negligible * run.tolerance)
+            estimate.update(solution, policy, true=planned.true, confirm=run.confirm)
+            run.reuse.grids = True
+            near = estimate.known and max(estimate.distance, estimate.bound(policy)) <= run.tolerance
+            negligible = estimate.length <= max(estimate.floor, policy.negligible * run.tolerance)
             if near and planned.true:
                 return Action.CERTIFY if negligible else Action.TRY
             if near and negligible and plan(run, policy).true:
-                run.whole = False
+                estimate.whole = False
                 return Action.SOLVE
-            # no force is left, but rounding alone may be farther than the tolerance
-            return Action.SEARCH if run.length > 0.0 or run.distance <= run.tolerance else Action.STALLED
+            if estimate.length == 0.0 and estimate.distance > run.tolerance:  # no force is left, but rounding
+                return Action.STALLED
+            return Action.SEARCH
     raise AssertionError(solution.outcome)
 
 
@@ -213,6 +273,7 @@ def decide_end(
         hidden: how far the noise may have moved the solution [mm].
         policy: the constants.
     """
+    estimate = run.estimate
     match solution.outcome:
         case Outcome.NEGATIVE_CURVATURE:
             return _descend(run)
@@ -222,12 +283,12 @@ def decide_end(
             return Action.STALLED
         case Outcome.SOLVED:
             # noise may cancel a part of it
-            run.length = max(run.length, solution.length + solution.error, hidden)
-            run.distance = max(bound(run, policy), policy.accuracy * run.tolerance)
-            if run.distance > run.tolerance:
+            estimate.length = max(estimate.length, solution.length + solution.error, hidden)
+            estimate.distance = max(estimate.bound(policy), policy.accuracy * run.tolerance)
+            if estimate.distance > run.tolerance:
                 # neither the solves before reached this direction nor do their steps say anything of it
-                run.phase, run.cut = Phase.SADDLE, True
-                run.longest_solve = max(run.longest_solve, solution.iterations)
+                estimate.phase, estimate.cut = Phase.SADDLE, True
+                estimate.longest_solve = max(estimate.longest_solve, solution.iterations)
                 return Action.SEARCH
             return Action.CONVERGED if chance <= policy.chance else Action.CERTIFY
     raise AssertionError(solution.outcome)
@@ -241,6 +302,7 @@ def decide_claim(before: float, after: float, policy: Policy = POLICY) -> Action
     Args:
         before: slope of the energy along the step at its start, negative.
         after: slope at its end, positive where the step overshoots.
+        policy: the constants.
     """
     return Action.SEARCH if abs(after) > policy.slope * abs(before) else Action.CERTIFY
 
@@ -251,46 +313,34 @@ def stretch(iterations: int, first: float, chance: float, policy: Policy = POLIC
     return int(min(policy.stretch, iterations * missing / max(fallen, 1e-3))) + 1
 
 
-def bound(run: Run, policy: Policy = POLICY) -> float:
-    """The distance within which there is an equilibrium, by the true steps so far [mm]."""
-    return run.floor + reach(max(run.length, run.left), run.steps, policy.slowest)
+def reach(remainder: float, steps: Sequence[Step], slowest: float) -> float:
+    """How far the equilibrium can be where a Newton step has a length [mm].
+
+    The last step at least as long shows how little the Hessian changes on the way: if it left a part q of itself,
+    there is one equilibrium within 1 / (1 - q) of the length (Newton and Kantorovich). q is at most `slowest`,
+    also where there was none.
+    """
+    seen = (step.remainder / step.length for step in reversed(steps) if step.length >= remainder > 0.0)
+    return remainder / (1.0 - min(next(seen, slowest), slowest))
 
 
 def _leads_astray(run: Run, solution: LinearSolution, policy: Policy) -> bool:
     """Whether a Hessian of before is too far from that of the state, by what its last step left."""
-    return solution.outcome is not Outcome.SOLVED or solution.length > policy.reusable * run.length
+    return solution.outcome is not Outcome.SOLVED or solution.length > policy.reusable * run.estimate.length
 
 
 def _avoid(run: Run, policy: Policy) -> Action:
     """The true Hessian was tried too far away: the projected one leads nearer."""
-    run.nearer = min(run.nearer, policy.nearer * run.distance)
-    run.at_saddle = run.nearer <= run.tolerance
-    run.phase, run.distance = Phase.PROJECTED, math.inf
+    run.saddle.nearer = min(run.saddle.nearer, policy.nearer * run.estimate.distance)
+    run.saddle.is_near = run.saddle.nearer <= run.tolerance
+    run.estimate.phase, run.estimate.distance = Phase.PROJECTED, math.inf
     return Action.SOLVE
 
 
 def _descend(run: Run) -> Action:
     """Negative curvature of the true Hessian near the end is followed downwards."""
-    run.phase, run.distance, run.at_saddle = Phase.SADDLE, math.inf, True
+    run.estimate.phase, run.estimate.distance, run.saddle.is_near = Phase.SADDLE, math.inf, True
     return Action.DESCEND
-
-
-def _estimate(run: Run, planned: PlannedSolve, solution: LinearSolution, policy: Policy) -> None:
-    """Sets the distance by the length of a solution and how much shorter it is than the one before."""
-    length, before = solution.length + solution.error, run.length
-    run.known = solution.outcome is Outcome.SOLVED
-    run.left = 0.0
-    if planned.true and run.whole and run.phase is Phase.TRUE:
-        run.left = solution.norm / run.norm * before
-        run.steps.append(Step(before, max(run.left, length)))
-    left = policy.first
-    if 0.0 < before < math.inf:
-        fallen = solution.norm / run.norm  # less than the length, where stiff motions hide soft ones
-        left = min(max(length / before, fallen), policy.slowest)
-        run.known = run.known and (run.confirm or fallen <= 1.0)  # or else the step strained stiff motions
-    run.length, run.norm = length, solution.norm
-    run.phase = Phase.TRUE if planned.true else Phase.PROJECTED
-    run.distance = run.floor + length * max(1.0, left / (1.0 - left))
 
 
 def searched(run: Run, length: float | None) -> bool:
@@ -299,16 +349,18 @@ def searched(run: Run, length: float | None) -> bool:
     Returns:
         Whether the relaxation can go on.
     """
-    run.whole = length == 1.0
-    if length is None and run.reuse:  # with the Hessian of the state one may
-        run.reuse, run.known, run.length = False, False, math.inf
+    estimate = run.estimate
+    estimate.whole = length == 1.0
+    if length is None and run.reuse.hessian:  # with the Hessian of the state one may
+        run.reuse = Reuse()
+        estimate.known, estimate.length = False, math.inf
         return True
     if length is None:  # the true Hessian is tried once where the projected one leads nowhere
-        run.try_true = run.at_saddle = True
-        return run.confirm and run.phase is Phase.PROJECTED
-    if run.phase is Phase.SADDLE:
-        run.length = math.inf
-        run.steps.clear()
+        run.saddle.try_true = run.saddle.is_near = True
+        return run.confirm and estimate.phase is Phase.PROJECTED
+    if estimate.phase is Phase.SADDLE:
+        estimate.length, run.reuse.grids = math.inf, False
+        estimate.steps.clear()
     else:
-        run.cut = run.cut or length < 1.0
+        estimate.cut = estimate.cut or length < 1.0
     return True

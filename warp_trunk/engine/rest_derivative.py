@@ -77,13 +77,13 @@ def rest_motions(
         InputError: the rest state is too near to where the tissue buckles.
     """
     assert model.scan is not None
-    moved, left = np.zeros_like(force_derivatives), force_derivatives
+    moved, residual = np.zeros_like(force_derivatives), force_derivatives
     for _ in range(MOST_ROUNDS):
-        step, _ = solve(left, ROUGHLY)
+        step, _ = solve(residual, ROUGHLY)
         moved += step
         if (longest(step) <= accuracy * longest(moved)).all():
             return moved
-        left = force_derivatives + [rest_force_derivative(model, model.scan, each) for each in moved]
+        residual = force_derivatives + [rest_force_derivative(model, model.scan, each) for each in moved]
     raise InputError(
         "sensitivities: it was not found how the rest state under gravity moves with the constants; the tissue is "
         "too near to buckling under its weight: raise youngs_modulus, or take the scan as the rest state"

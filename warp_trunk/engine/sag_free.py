@@ -18,9 +18,9 @@ import numpy as np
 from warp_trunk.errors import InputError
 
 from .model import Model
-from .newton import begin, find_direction
+from .newton import solve
 from .parallel import takes_turns
-from .policy import Action, Run, plan, searched
+from .policy import Action, Run, Saddle, searched
 from .relaxation import check_tolerance
 from .rest_mesh import RestMesh
 from .state import State
@@ -75,7 +75,7 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
     solver.evaluate()
     spent = 0
     for rounds in range(1, MOST_ROUNDS + 1):
-        spent += direction_of(solver, run)[1]
+        spent += solve(solver, run)[1]
         rest[model.free] -= solver.direction.numpy()
         searched(run, 1.0)
         mesh = mesh_at(model, rest)
@@ -86,10 +86,10 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
                 getattr(part, name).assign(values)
         state.set_from_rest(scan - rest)
         solver.evaluate()
-        if not (run.known and run.distance <= tolerance):
+        if not (run.estimate.known and run.estimate.distance <= tolerance):
             continue
-        confirmed = Run(tolerance, confirm=True, try_true=True, at_saddle=True)
-        action, more = direction_of(solver, confirmed)
+        confirmed = Run(tolerance, confirm=True, saddle=Saddle(try_true=True, is_near=True))
+        action, more = solve(solver, confirmed)
         spent += more
         sag = float(np.linalg.norm(scan - rest, axis=1).max())
         if action is Action.CONVERGED:
@@ -100,8 +100,8 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
                 in_precision=lambda precision: sag_free(model.in_precision(precision), tolerance).model,
                 released=lambda nodes: sag_free(model.released(nodes), tolerance).model,
             )
-            return RestState(found, sag, confirmed.distance, rounds, spent)
-        if action is Action.STALLED or confirmed.down is not None:
+            return RestState(found, sag, confirmed.estimate.distance, rounds, spent)
+        if action is Action.STALLED or confirmed.saddle.down is not None:
             raise InputError(
                 f"gravity: from the only rest state that was found, {sag:.0f} mm away, tissue of "
                 f"{softest(model):g} kPa does not come to rest in the scan but buckles under its weight; "
@@ -113,13 +113,6 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
         f"with a Young's modulus of {softest(model):g} kPa it would sag by {np.abs(scan - rest).max():.0f} mm or "
         "more: raise youngs_modulus or lower alpha, or take the scan as the rest state (--rest scan)"
     )
-
-
-def direction_of(work: Work, run: Run) -> tuple[Action, int]:
-    """Plans and solves; see `find_direction`."""
-    planned = plan(run)
-    begin(work, planned)
-    return find_direction(work, run, planned)
 
 
 def softest(model: Model) -> float:

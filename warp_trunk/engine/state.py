@@ -26,13 +26,14 @@ class State:
     displacement: wp.array
     """Displacement from rest in model order [mm], shape (nodes,), vec3."""
     gradient: wp.array
-    """+dE/dx of every node, the prescribed ones too [1/mm], shape (nodes,), vec3."""
+    """+dE/dx of every node, the prescribed ones too [energy's unit / mm, which is N by default], shape (nodes,),
+    vec3."""
     inverted: wp.array
     """1 where a tetrahedron has no positive volume, shape (tets,), int8."""
     sums: wp.array
-    """Energies by term and counts, shape (ranges, 8), columns as in kernels/assembly.py."""
+    """Energies by term [energy's unit] and counts, shape (ranges, 8), columns as in kernels/assembly.py."""
     version: int
-    """How often the displacement was set."""
+    """How often the displacement was set or a step accepted."""
 
     def __init__(self, model: Model, start: State | None = None) -> None:
         """At rest, or where the trunk was scanned; `newly_inverted` counts against `start`.
@@ -72,7 +73,6 @@ class State:
         for name in ("displacement", "gradient", "inverted", "sums"):
             wp.copy(getattr(self, name), getattr(other, name))
         self._host_sums.send()
-        self.version += 1
 
     def energy(self) -> Energy:
         """The energies of the last evaluation; reads the device."""
@@ -138,6 +138,22 @@ class State:
         self.version += 1
 
 
+@dataclass
+class MatrixState:
+    """Which Hessian a matrix holds, and whether the grids of its preconditioner follow it."""
+
+    true: bool = False
+    """Whether it is the true one, or else the projected one."""
+    version: int | None = None
+    """The version of the state at which it was assembled; None where that is not known, as after an interrupt."""
+    grids_follow: bool = False
+    """Whether the grids hold blocks of a later Hessian than that at rest."""
+
+    def holds(self, true: bool, version: int | None) -> bool:
+        """Whether it is the true or the projected Hessian at a version of the state, or with None at any."""
+        return self.version is not None and self.true == true and version in (None, self.version)
+
+
 def to_mesh_order(model: Model, values: np.ndarray) -> np.ndarray:
     """Displacements from rest in model order as those from before surgery in mesh order, (nodes, 3) both."""
     result = np.empty((len(model.order), 3))
@@ -155,11 +171,11 @@ class Products:
     """Scalar products over the free nodes, in double precision; in the order of the kernel's columns."""
 
     slope: float
-    """g . d, the derivative of the energy along the direction."""
+    """g . d, the derivative of the energy along the direction [energy's unit]."""
     previous_slope: float
-    """(the earlier g) . d."""
+    """(the earlier g) . d [energy's unit]."""
     direction_squared: float
-    """d . d."""
+    """d . d [mm^2]; where d is a gradient, the square of its unit."""
 
 
 class ProductReader:

@@ -35,8 +35,6 @@ class Step:
     """Where its first number is not 0 after the step, the program goes back."""
     back: int = 0
     """By so many steps."""
-    meets: bool = True
-    """Whether the threads wait for each other before the next step."""
 
     @property
     def split(self) -> bool:
@@ -71,8 +69,8 @@ class Team:
         for number, step in enumerate(steps):
             # not after the last step, as the caller waits for all, nor between two that are the first range's
             following = steps[number + 1 : number + 2]
-            apart = not step.meets or not (following and (step.split or following[0].split))
-            table[number, 0] = split and (step.running is not None or not apart)
+            together = following and (step.split or following[0].split)
+            table[number, 0] = split and (step.running is not None or bool(together))
             if step.running is not None:
                 table[number, 1:3] = np.array([step.running.ptr, number - step.back])
             for slab, command in enumerate(step.commands):

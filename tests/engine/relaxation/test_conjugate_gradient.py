@@ -12,8 +12,9 @@ from support.continuum import Continuum
 from support.meshes import block_with_bone
 from support.models import evaluated, model_of, on_host
 from support.reference import Reference
-from warp_trunk.engine.linear import BlockMatrix, ConjugateGradient, Outcome, zero_dots
+from warp_trunk.engine.linear import BlockMatrix, ConjugateGradient, zero_dots
 from warp_trunk.engine.multigrid import Multigrid
+from warp_trunk.engine.outcome import Outcome
 from warp_trunk.engine.state import State
 
 TRUNK = block_with_bone((7, 5, 5), holes=((1, 2, 2), (5, 2, 2)))

@@ -6,10 +6,24 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from warp_trunk.engine.certify import Step, chance_of_saddle, reach, response
+from warp_trunk.engine.certify import chance_of_saddle, response
 from warp_trunk.engine.line_search import Trial, search
-from warp_trunk.engine.linear import LinearSolution, Outcome
-from warp_trunk.engine.policy import Action, Phase, Run, decide, decide_claim, decide_end, plan, searched
+from warp_trunk.engine.outcome import LinearSolution, Outcome
+from warp_trunk.engine.policy import (
+    Action,
+    Estimate,
+    Phase,
+    Reuse,
+    Run,
+    Saddle,
+    Step,
+    decide,
+    decide_claim,
+    decide_end,
+    plan,
+    reach,
+    searched,
+)
 from warp_trunk.engine.relaxation import Energy
 from warp_trunk.engine.state import Products
 
@@ -17,12 +31,14 @@ from warp_trunk.engine.state import Products
 def solved(
     length: float, norm: float = 1.0, outcome: Outcome = Outcome.SOLVED, error: float = 0.0
 ) -> LinearSolution:
-    return LinearSolution(outcome, iterations=10, length=length, error=error, norm=norm, left=0.1 * norm)
+    return LinearSolution(
+        outcome, iterations=10, length=length, error=error, gradient_norm=norm, residual_norm=0.1 * norm
+    )
 
 
 def near_the_end() -> Run:
     """After whole true steps of 0.09 mm and a hundredth of it, to a tolerance of 0.1 mm."""
-    run = Run(0.1, confirm=True, try_true=True)
+    run = Run(0.1, confirm=True, saddle=Saddle(try_true=True))
     for length, norm in ((0.09, 1.0), (0.0009, 1e-4)):
         assert decide(run, plan(run), solved(length, norm)) is not Action.STALLED
         searched(run, 1.0)
@@ -34,13 +50,13 @@ def test_the_projected_hessian_leads_to_where_the_true_one_takes_over() -> None:
     assert (plan(run).true, plan(run).grids) == (False, True)  # the grids follow the first Hessian
     assert decide(run, plan(run), solved(5.0)) is Action.SEARCH
     assert not plan(run).grids
-    assert run.distance == pytest.approx(10.0)  # the first step is assumed to leave two thirds
+    assert run.estimate.distance == pytest.approx(10.0)  # the first step is assumed to leave two thirds
     searched(run, 1.0)
     assert decide(run, plan(run), solved(0.2)) is Action.SEARCH
-    assert run.distance == pytest.approx(0.2 * 9.0)  # the gradient has not fallen at all
+    assert run.estimate.distance == pytest.approx(0.2 * 9.0)  # the gradient has not fallen at all
     searched(run, 1.0)
     assert decide(run, plan(run), solved(0.02, norm=0.1)) is Action.SEARCH
-    assert run.distance == pytest.approx(0.02)
+    assert run.estimate.distance == pytest.approx(0.02)
     searched(run, 1.0)
     assert (plan(run).true, plan(run).fresh, plan(run).grids) == (True, True, False)
 
@@ -53,39 +69,39 @@ def test_on_the_way_a_claim_needs_a_solve_that_ended() -> None:
     ):
         run = Run(2.0)
         assert decide(run, plan(run), solved(0.01, outcome=outcome)) is Action.SEARCH
-        assert run.known == known
+        assert run.estimate.known == known
     assert decide(run, plan(run), solved(math.inf, outcome=Outcome.UNSOUND)) is Action.STALLED
 
 
 def test_a_hessian_of_before_is_used_as_long_as_its_steps_are_whole_and_shrink() -> None:
-    run = Run(1.0, reuse=True)
+    run = Run(1.0, reuse=Reuse(hessian=True))
     for length in (5.0, 2.0, 0.9):
         assert (plan(run).short, plan(run).fresh) == (True, False)
         assert decide(run, plan(run), solved(length)) is Action.SEARCH
         assert searched(run, 1.0)
-    before = run.length, run.distance
+    before = run.estimate.length, run.estimate.distance
     assert decide(run, plan(run), solved(0.5)) is Action.SOLVE  # a tetrahedron that was crushed, say
-    assert (run.length, run.distance) == before
+    assert (run.estimate.length, run.estimate.distance) == before
     assert (plan(run).short, plan(run).fresh) == (False, True)
     assert not plan(Run(1.0)).short
 
 
 @pytest.mark.parametrize("outcome", [Outcome.EXHAUSTED, Outcome.NEGATIVE_CURVATURE, Outcome.UNSOUND])
 def test_a_solve_with_a_hessian_of_before_that_did_not_end_is_not_believed(outcome: Outcome) -> None:
-    run = Run(1.0, reuse=True)
+    run = Run(1.0, reuse=Reuse(hessian=True))
     assert decide(run, plan(run), solved(0.01, outcome=outcome)) is Action.SOLVE
     assert plan(run).fresh
 
 
 def test_a_step_with_a_hessian_of_before_that_is_not_taken_whole_is_solved_for_anew() -> None:
-    run = Run(1.0, reuse=True)
+    run = Run(1.0, reuse=Reuse(hessian=True))
     assert decide(run, plan(run), solved(0.4)) is Action.SEARCH
-    assert run.known
+    assert run.estimate.known
     assert searched(run, None)
     assert plan(run).fresh
-    assert not run.known  # nothing is claimed by a step that does not lower the energy
+    assert not run.estimate.known  # nothing is claimed by a step that does not lower the energy
     assert decide(run, plan(run), solved(0.3)) is Action.SEARCH
-    assert run.distance == pytest.approx(0.6)  # as of a first step: no other was taken
+    assert run.estimate.distance == pytest.approx(0.6)  # as of a first step: no other was taken
     assert not searched(run, None)
 
 
@@ -95,23 +111,23 @@ def test_on_the_way_a_claim_needs_a_gradient_that_falls() -> None:
         assert decide(run, plan(run), solved(0.5)) is Action.SEARCH
         searched(run, 1.0)
         assert decide(run, plan(run), solved(0.1, norm)) is Action.SEARCH
-        assert run.known == known
+        assert run.estimate.known == known
 
 
 def test_negative_curvature_is_avoided_far_away_and_followed_near_the_end() -> None:
-    run = Run(0.1, confirm=True, try_true=True, distance=8.0)
+    run = Run(0.1, confirm=True, saddle=Saddle(try_true=True), estimate=Estimate(distance=8.0))
     down = solved(3.0, outcome=Outcome.NEGATIVE_CURVATURE)
     assert decide(run, plan(run), down) is Action.SOLVE
     assert not plan(run).true
-    run.distance = 0.3
+    run.estimate.distance = 0.3
     assert decide(run, plan(run), down) is Action.SOLVE
-    assert run.at_saddle
-    run.try_true = True
+    assert run.saddle.is_near
+    run.saddle.try_true = True
     assert decide(run, plan(run), down) is Action.DESCEND
-    assert (run.phase, run.distance) == (Phase.SADDLE, math.inf)
+    assert (run.estimate.phase, run.estimate.distance) == (Phase.SADDLE, math.inf)
     assert searched(run, 0.5)
-    assert not run.cut
-    run.phase = Phase.SADDLE
+    assert not run.estimate.cut
+    run.estimate.phase = Phase.SADDLE
     assert not searched(run, None)
 
 
@@ -119,10 +135,10 @@ def test_the_end_is_claimed_only_with_noise_and_by_the_chance() -> None:
     run = near_the_end()
     assert decide(run, plan(run), solved(0.001, 1e-6)) is Action.TRY
     assert decide_end(run, solved(0.0001), 0.5, 0.0) is Action.CERTIFY
-    assert run.length == pytest.approx(0.001)  # noise that cancels a part of the way makes it no shorter
+    assert run.estimate.length == pytest.approx(0.001)  # noise that cancels a part of the way makes it no shorter
     assert decide_end(run, solved(0.001), 1e-4, 0.0) is Action.CONVERGED
     assert decide_end(run, solved(0.001), 1e-4, 0.05) is Action.CONVERGED
-    assert run.distance >= 0.05
+    assert run.estimate.distance >= 0.05
     assert decide_end(run, solved(0.001), math.inf, 0.0) is Action.STALLED
     assert decide_end(run, solved(0.001, outcome=Outcome.EXHAUSTED), 1.0, 0.0) is Action.STALLED
     assert decide_end(run, solved(0.001, outcome=Outcome.NEGATIVE_CURVATURE), 1.0, 0.0) is Action.DESCEND
@@ -134,12 +150,12 @@ def test_soft_tissue_that_only_noise_reached_makes_the_steps_before_no_evidence(
 ) -> None:
     run = near_the_end()
     assert decide(run, plan(run), solved(0.001, 1e-6)) is Action.TRY
-    assert run.steps
+    assert run.estimate.steps
     assert decide_end(run, solved(length), 1e-4, hidden) is Action.SEARCH
     searched(run, 1.0)
-    assert not run.steps
+    assert not run.estimate.steps
     assert decide(run, plan(run), solved(0.001, 1e-6)) is not Action.STALLED
-    assert not run.steps  # nor is that one, which noise led astray
+    assert not run.estimate.steps  # nor is that one, which noise led astray
 
 
 @pytest.mark.parametrize(("after", "wanted"), [(0.2, Action.CERTIFY), (0.3, Action.SEARCH), (3.0, Action.SEARCH)])
@@ -156,7 +172,7 @@ def test_a_step_that_leaves_much_of_its_slope_or_overshoots_is_taken_before_a_cl
 )
 def test_only_steps_of_more_than_rounding_are_tried(length: float, floor: float, wanted: Action) -> None:
     run = near_the_end()
-    run.floor = floor
+    run.estimate.floor = floor
     assert decide(run, plan(run), solved(length, 1e-6)) is wanted
 
 
@@ -165,8 +181,8 @@ def test_where_the_projected_hessian_leads_nowhere_the_true_one_is_solved_with_a
     assert decide(run, plan(run), solved(1e-6)) is Action.SOLVE
     assert plan(run).true
     assert decide(run, plan(run), solved(1e-6)) is Action.CERTIFY
-    assert not run.steps  # no step was taken between the two
-    run = Run(0.1, confirm=True, nearer=1e-9)  # there it was indefinite
+    assert not run.estimate.steps  # no step was taken between the two
+    run = Run(0.1, confirm=True, saddle=Saddle(nearer=1e-9))  # there it was indefinite
     assert decide(run, plan(run), solved(1e-6)) is Action.SEARCH
     run = Run(0.1)  # on the way nothing is claimed
     assert decide(run, plan(run), solved(1e-6)) is Action.SEARCH
@@ -175,15 +191,15 @@ def test_where_the_projected_hessian_leads_nowhere_the_true_one_is_solved_with_a
 def test_nothing_is_searched_for_where_no_force_is_left() -> None:
     """Rounding may still be farther than the tolerance."""
     for floor, wanted in ((0.2, Action.STALLED), (0.01, Action.SEARCH)):
-        run = Run(0.1, floor=floor)
+        run = Run(0.1, estimate=Estimate(floor=floor))
         assert decide(run, plan(run), solved(0.0, norm=0.0)) is wanted
 
 
 def test_a_run_begins_with_nothing_of_another() -> None:
     one = near_the_end()
-    one.down = np.ones((2, 3))
+    one.saddle.down = np.ones((2, 3))
     fresh = Run(0.1)
-    assert (fresh.steps, fresh.down, fresh.distance) == ([], None, math.inf)
+    assert (fresh.estimate.steps, fresh.saddle.down, fresh.estimate.distance) == ([], None, math.inf)
 
 
 SIZE = 60

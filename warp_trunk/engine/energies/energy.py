@@ -24,9 +24,6 @@ class TetEnergy(Protocol):
     """Whether its forces turn an inverted tetrahedron back. A step may then invert some: one that has no room
     between bones would hold up all others. Where they do not, no step inverts any."""
 
-    shape: ClassVar[str]
-    """Name of the array, vec3, that has the tetrahedra's shape at rest."""
-
     @property
     def kernels(self) -> SimpleNamespace:
         """`gradient` (with the energy), `projected_hessian` (made positive semidefinite) and `hessian`."""
@@ -57,11 +54,11 @@ class TetEnergy(Protocol):
         """The gravity term of the trunk at rest, which the displacement's part adds to."""
         ...
 
-    def measures(self, rest: RestMesh) -> dict[str, wp.array]:
+    def measures(self, rest: RestMesh, /) -> dict[str, wp.array]:
         """The values of the arrays of these names for a rest state, in new arrays."""
         ...
 
-    def weights(self, rest: RestMesh, gravity: float) -> dict[str, np.ndarray]:
+    def weights(self, rest: RestMesh, gravity: float, /) -> dict[str, np.ndarray]:
         """The values of the arrays of these names for the tissues of a mesh and a gravity [m/s^2], float64.
 
         The energy is linear in them: put in their place, their derivative in a constant gives the derivative of
@@ -71,16 +68,4 @@ class TetEnergy(Protocol):
 
     def per_millijoule(self, rest: RestMesh) -> float:
         """Units of the energy in a mJ, for the tissues of a mesh."""
-        ...
-
-    def of_tets(self, tets: np.ndarray, rest: np.ndarray, moved: np.ndarray) -> np.ndarray:
-        """Energy of some tetrahedra on the host, without gravity, shape (n,), float64.
-
-        Edges and faces give each tetrahedron its share, so that over all of them it is the energy of the model.
-
-        Args:
-            tets: their numbers in the model, shape (n,).
-            rest: their corners at rest [mm], shape (n, 4, 3).
-            moved: their corners where they are [mm], likewise.
-        """
         ...

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
@@ -26,8 +27,6 @@ class Itmsm:
     """The column of the sums of each term."""
     rights_inverted: ClassVar[bool] = False
     """Edges and faces are at rest in the mirror image, too."""
-    shape: ClassVar[str] = "rest_edge"
-    """The array that rounding at rest shows in."""
     kernels: SimpleNamespace
     """`gradient` and the Hessians of the terms that the scene uses."""
     terms: tuple[str, ...]
@@ -52,38 +51,21 @@ class Itmsm:
     """Those of eq. 4.6."""
     gravity_at_rest: float
     """The gravity term of the trunk at rest, which the displacement's part adds to."""
-    shares: Shares
-    """Weights of an edge, a face and a tetrahedron before any constant."""
+    edges: float
+    """Number of edges."""
+    measures: Callable[[RestMesh], dict[str, wp.array]]
+    """Values of the arrays of these names for a rest state; the weights are those of the first."""
+    weights: Callable[[RestMesh, float], dict[str, np.ndarray]]
+    """Values of the arrays of these names for the tissues of a mesh; see `TetEnergy`."""
 
     @property
     def arrays(self) -> Any:
         """Arrays of the tetrahedra for its kernels, after their corners."""
         return self.kernels.bundle(self)
 
-    def measures(self, rest: RestMesh) -> dict[str, wp.array]:
-        """Values of the arrays of these names for a rest state; the weights are those of the first."""
-        return measures(rest, "area" in self.terms)
-
-    def weights(self, rest: RestMesh, gravity: float) -> dict[str, np.ndarray]:
-        """Values of the arrays of these names for the tissues of a mesh; see `TetEnergy`."""
-        return weights(rest, gravity, self.shares)
-
     def per_millijoule(self, rest: RestMesh) -> float:
         """2 / k_D, from Young's modulus; see `TetEnergy` and `k_d`."""
-        return 2e-3 / k_d(rest, self.shares.edges)
-
-    def of_tets(self, tets: np.ndarray, rest: np.ndarray, moved: np.ndarray) -> np.ndarray:
-        """Eq. 4.8 to 4.10 of [2]; see `TetEnergy`."""
-
-        def change(measure: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-            return (measure(moved) / measure(rest) - 1.0) ** 2
-
-        energy = (self.edge_weight.numpy()[tets] * change(edge_lengths)).sum(axis=1)
-        if "area" in self.terms:
-            energy += (self.face_weight.numpy()[tets] * change(face_areas)).sum(axis=1)
-        if "volume" in self.terms:
-            energy += self.theta.numpy()[tets] * change(lambda p: np.linalg.det(p[:, 1:] - p[:, :1]))
-        return energy
+        return 2e-3 / k_d(rest, self.edges)
 
 
 def make_itmsm(rest: RestMesh, gravity: float, weights_by: str) -> Itmsm:
@@ -94,7 +76,7 @@ def make_itmsm(rest: RestMesh, gravity: float, weights_by: str) -> Itmsm:
     adds its own tissue's share of an edge or face; a tissue is stiffer than the first by their Young's moduli.
     """
     scalar, shares = rest.scalar, shares_of(rest, by_volume=weights_by == "volume")
-    weight = weights(rest, gravity, shares)
+    weight = weights(rest, gravity, shares=shares)
     used = {
         "distance": True,
         "area": bool((weight["face_weight"] > 0.0).any()),
@@ -105,14 +87,16 @@ def make_itmsm(rest: RestMesh, gravity: float, weights_by: str) -> Itmsm:
     return Itmsm(
         kernels=itmsm_kernels(scalar, rest.is_cuda, used["area"], used["volume"]),
         terms=tuple(name for name in used if used[name]),
-        **measures(rest, used["area"]),
+        **measures(rest, area=used["area"]),
         edge_weight=rest.upload(weight["edge_weight"], vec6),
         face_weight=rest.upload(weight["face_weight"] if used["area"] else np.empty((0, 4)), vec4),
         theta=rest.upload(weight["theta"], scalar),
         gravity_weight=rest.upload(weight["gravity_weight"], scalar),
         constants=constants_of(rest, gravity, shares.edges),
         gravity_at_rest=rest.height_energy(weight["gravity_weight"]),
-        shares=shares,
+        edges=shares.edges,
+        measures=partial(measures, area=used["area"]),
+        weights=partial(weights, shares=shares),
     )
 
 
@@ -159,7 +143,7 @@ def shares_of(rest: RestMesh, *, by_volume: bool) -> Shares:
     return Shares(edge, face, part * len(part), edges)
 
 
-def weights(rest: RestMesh, gravity: float, shares: Shares) -> dict[str, np.ndarray]:
+def weights(rest: RestMesh, gravity: float, *, shares: Shares) -> dict[str, np.ndarray]:
     """The weights of the features as the fields of `Itmsm`, with epsilon, theta and alpha."""
     tissues = rest.tissues
     relative = [tissue.youngs_modulus / tissues[0].youngs_modulus for tissue in tissues]
@@ -176,7 +160,7 @@ def weights(rest: RestMesh, gravity: float, shares: Shares) -> dict[str, np.ndar
     }
 
 
-def measures(rest: RestMesh, area: bool) -> dict[str, wp.array]:
+def measures(rest: RestMesh, *, area: bool) -> dict[str, wp.array]:
     """Edge vectors, lengths, areas (none without their term) and volumes, as the fields of `Itmsm`."""
     scalar, corners = rest.scalar, rest.nodes[rest.corners]
     areas = face_areas(corners) if area else np.empty((0, 4))

@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.errors import InputError
-from warp_trunk.kernels.neo_hookean import CRUSH, CRUSHED, GRAVITY, SHAPE, STIFFENS, VOLUME, neo_hookean_kernels
+from warp_trunk.kernels.neo_hookean import GRAVITY, SHAPE, VOLUME, neo_hookean_kernels
 
 from ..rest_mesh import RestMesh
 from ..tissue import Tissue
@@ -26,8 +26,6 @@ class NeoHookean:
     """The column of the sums of each term."""
     rights_inverted: ClassVar[bool] = True
     """It is stable: defined for inverted tetrahedra, with no rest among them."""
-    shape: ClassVar[str] = "shape_gradient"
-    """The array that rounding at rest shows in."""
     kernels: SimpleNamespace
     """`gradient` and the Hessians."""
     terms: tuple[str, ...]
@@ -73,19 +71,6 @@ class NeoHookean:
     def per_millijoule(self, rest: RestMesh) -> float:
         """1: it is in mJ; see `TetEnergy`."""
         return 1.0
-
-    def of_tets(self, tets: np.ndarray, rest: np.ndarray, moved: np.ndarray) -> np.ndarray:
-        """Stable neo-Hookean (Smith, de Goes and Kim 2018, eq. 14), stiffer where crushed, zero at rest."""
-        mu, bulk = self.moduli.numpy().astype(np.float64)[tets].T
-        f = np.linalg.solve(rest[:, 1:] - rest[:, :1], moved[:, 1:] - moved[:, :1])  # F transposed
-        square, j = np.einsum("tij,tij->t", f, f), np.linalg.det(f) - 1.0
-        y = (square - 3.0) / 4.0
-        shape = 0.75 * mu * (square / 2.0 - 1.5 - j) + 0.5 * mu * (y - np.log1p(y))
-        short = np.maximum(CRUSHED - 1.0 - j, 0.0)
-        stiffening, over = np.minimum(short, STIFFENS), np.maximum(short - STIFFENS, 0.0)
-        squares = stiffening**2 + 4.0 * stiffening * over + 6.0 * over**2
-        volume = 0.5 * j**2 + CRUSH / 4.0 * stiffening**2 * squares
-        return self.rest_volume.numpy()[tets] * (shape + bulk * volume)
 
 
 def make_neo_hookean(rest: RestMesh, gravity: float, weights_by: str) -> NeoHookean:

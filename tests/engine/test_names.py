@@ -1,0 +1,75 @@
+"""Names of the engine: each has one meaning, that of the glossary in docs/solver.md."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import re
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import warp_trunk.engine
+
+ENGINE = Path(warp_trunk.engine.__path__[0])
+KERNELS = Path(importlib.import_module("warp_trunk.kernels").__path__[0])
+GLOSSARY = (Path(__file__).parents[2] / "docs" / "solver.md").read_text(encoding="utf-8").split("\n\n")[1]
+SEVERAL_MEANINGS = {"left", "norm"}
+"""Words that had several meanings; no field or argument is called so."""
+EACH_ENERGY = {"VOLUME", "GRAVITY"}
+"""Columns of sums, which every energy numbers for itself."""
+
+
+def modules() -> Iterator[ast.Module]:
+    for path in sorted([*ENGINE.rglob("*.py"), *KERNELS.glob("*.py")]):
+        yield ast.parse(path.read_text(encoding="utf-8"))
+
+
+def members() -> dict[str, set[str]]:
+    """Fields, properties and methods by class."""
+    found: dict[str, set[str]] = defaultdict(set)
+    for module in modules():
+        for node in module.body:
+            if isinstance(node, ast.ClassDef):
+                for child in node.body:
+                    if isinstance(child, ast.AnnAssign) and isinstance(child.target, ast.Name):
+                        found[node.name].add(child.target.id)
+                    elif isinstance(child, ast.FunctionDef):
+                        found[node.name].add(child.name)
+    return found
+
+
+def test_what_the_glossary_names_exists_with_its_unit() -> None:
+    known, rows = members(), GLOSSARY.splitlines()[2:]
+    assert len(rows) > 10
+    for row in rows:
+        term, meaning, _, places = (cell.strip() for cell in row.strip("|").split("|"))
+        assert term
+        assert meaning
+        for owner, member in re.findall(r"`(\w+)\.(\w+)`", places):
+            assert member in known[owner], f"{term}: {owner} has no {member}"
+
+
+def test_a_constant_has_one_value_in_all_files() -> None:
+    values: dict[str, set[str]] = defaultdict(set)
+    for module in modules():
+        for node in module.body:
+            if not isinstance(node, ast.Assign):
+                continue
+            for target in node.targets:
+                for name in target.elts if isinstance(target, ast.Tuple) else [target]:
+                    if isinstance(name, ast.Name) and name.id.isupper():
+                        values[name.id].add(ast.unparse(node.value))
+    twice = {name: found for name, found in values.items() if len(found) > 1 and len(name) > 1}
+    assert set(twice) <= EACH_ENERGY, twice
+
+
+@pytest.mark.parametrize("word", sorted(SEVERAL_MEANINGS))
+def test_no_field_or_argument_has_a_name_of_several_meanings(word: str) -> None:
+    assert not [owner for owner, names in members().items() if word in names]
+    for module in modules():
+        for node in ast.walk(module):
+            if isinstance(node, ast.arguments):
+                assert word not in [one.arg for one in (*node.args, *node.kwonlyargs)]
