@@ -1,5 +1,6 @@
 """Meshes for other programs, and from them."""
 
+import re
 from dataclasses import replace
 from xml.etree import ElementTree
 
@@ -11,6 +12,7 @@ from support.asserting import refuses, there
 from support.small_trunk import boned_case, small_trunk
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
+from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files.space import stated_space
 from warp_trunk.io.volume_files import read_mesh
@@ -47,6 +49,46 @@ def jointed(trunk):
     return replace(trunk, bone=np.where(trunk.nodes[:, 2] <= low, -1, trunk.bone).astype(np.int32), tissue=shares)
 
 
+LAYERS = tuple(Tissue(youngs_modulus=modulus, poisson_ratio=0.3) for modulus in (130.0, 2.5, 10.0))
+
+
+def moduli_of_abaqus(path):
+    """Young's modulus [kPa] of each tetrahedron of an .inp file, by its sections and materials."""
+    words = path.read_text(encoding="utf-8").upper()
+    material = dict(re.findall(r"\*MATERIAL, NAME=(\S+)\n\*ELASTIC\n([^,]+),", words))
+    section = dict(re.findall(r"\*SOLID SECTION, ELSET=(\S+?), MATERIAL=(\S+)", words))
+    sets = {name.upper(): np.concatenate(blocks) for name, blocks in meshio.read(path).cell_sets.items()}
+    return {name: (1e3 * float(material[section[name]]), sets[name]) for name in section}
+
+
+def moduli_of_febio(path):
+    """The same of a .feb file."""
+    root = ElementTree.parse(path).getroot()
+    material = {one.get("name"): 1e3 * float(one.findtext("E")) for one in root.iter("material")}
+    domain = {one.get("name"): one.get("mat") for one in root.iter("SolidDomain")}
+    return {
+        one.get("name"): (
+            material[domain[one.get("name")]],
+            np.array([int(row.get("id")) for row in one.iter("elem")]) - 1,
+        )
+        for one in root.iter("Elements")
+    }
+
+
+@pytest.mark.parametrize(("ending", "read"), [(".inp", moduli_of_abaqus), (".feb", moduli_of_febio)])
+def test_each_layer_has_its_own_material_for_solvers(ending, read, trunk, motion, tmp_path):
+    mesh, path = jointed(trunk), tmp_path / f"a{ending}"
+    write_volume(path, mesh, motion, LAYERS, ("skin", "fat", "muscle"))
+    found = np.full(len(mesh.tets), np.nan)
+    for modulus, tets in read(path).values():
+        assert np.isnan(found[tets]).all()
+        found[tets] = modulus
+    wanted = np.array([layer.youngs_modulus for layer in LAYERS])[mesh.tissue.argmax(axis=1)]
+    np.testing.assert_allclose(found, wanted)
+    with pytest.raises(InputError, match="the mesh has 3 tissues, not 1"):
+        write_volume(path, mesh, motion, TISSUE)
+
+
 def sets_of(trunk):
     """The skin's nodes and triangles, whatever their order."""
     return set(trunk.skin_nodes), {frozenset(face) for face in trunk.skin_nodes[trunk.skin_faces].tolist()}
@@ -57,7 +99,7 @@ def test_a_mesh_comes_back_through_every_format_in_the_axes_that_it_states(endin
     """Also with layers and a free joint, which is no skin."""
     path = tmp_path / f"a{ending}"
     for mesh in (trunk, jointed(trunk)):
-        write_volume(path, mesh, motion, TISSUE)
+        write_volume(path, mesh, motion, TISSUE if mesh.tissue is None else (TISSUE, *LAYERS[1:]))
         back = read_volume(path, skin_of(trunk), bones)
         np.testing.assert_allclose(back.nodes, trunk.nodes, atol=1e-9)
         np.testing.assert_array_equal(back.tets, trunk.tets)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from warp_trunk.errors import InputError, as_path, nearest
+from warp_trunk.errors import InputError, MissingFileError, as_path, nearest
 from warp_trunk.geometry.coarsening import without_slivers
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import LEAST_ANGLE, place_of, slivers
@@ -80,7 +80,7 @@ def read_checked_case(
     if before is None and not (moved or bones_after.keys() == bones.keys()):
         cure = f"add the landmarks of the spine, or {MOTIONS}, or every bone in bones_after/"
         path = files.names["landmarks_before"]
-        raise InputError(f"{path}: there is no such file{_called_nearly(path)}; {cure}")
+        raise MissingFileError(f"{path}: there is no such file{_called_nearly(path)}; {cure}")
     before = before or NO_LANDMARKS
     if after is not None:
         check_names(before, after, source)
@@ -160,8 +160,10 @@ class _Files:
 
     def __init__(self, folder: Path) -> None:
         if not folder.is_dir():
-            what = "is a file" if folder.exists() else "there is no such folder"
-            raise InputError(f"{folder}: {what}; a case folder with skin.ply and bones/ was expected")
+            kind, what = (
+                (InputError, "is a file") if folder.exists() else (MissingFileError, "there is no such folder")
+            )
+            raise kind(f"{folder}: {what}; a case folder with skin.ply and bones/ was expected")
         check_within(folder, folder / HEADER)
         self.folder, self.header = folder, read_header(folder / HEADER)
         if not is_case(folder):
@@ -214,5 +216,5 @@ class _Files:
         if found is None:
             path = self.folder / "skin.ply"
             what = "is a folder" if path.is_dir() else "there is no such file, nor one in another surface format"
-            raise InputError(f"{path}: {what}{_called_nearly(path)}; add it")
+            raise MissingFileError(f"{path}: {what}{_called_nearly(path)}; add it")
         return found

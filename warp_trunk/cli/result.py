@@ -8,7 +8,6 @@ from tyro.conf import Positional
 
 from warp_trunk.case.folders import refuse_case
 from warp_trunk.case.layers import NAMES
-from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import atomic_write, write_whole
 from warp_trunk.io.file_access import check_place
@@ -103,6 +102,6 @@ class Export:
         tissues = read_summary(self.result).tissues
         trunk, displacement = read_trunk(self.result / TRUNK)
         with atomic_write(out) as unfinished:
-            write_volume(unfinished, trunk, displacement, tissues[0] if len(tissues) == 1 else Tissue(), NAMES)
+            write_volume(unfinished, trunk, displacement, tissues, NAMES)
         print(f"{len(trunk.tets)} tetrahedra, {int(trunk.prescribed.sum())} nodes on bone: {out}")
         return OK

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from warp_trunk.case.folders import is_case, other_kind, refuse_case
 from warp_trunk.engine.parallel import choose_threads
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, MissingFileError
 from warp_trunk.io.folders import make_writable
 from warp_trunk.run.warming import warm
 
@@ -104,7 +104,7 @@ def case_folders(folder: Path) -> list[Path]:
         InputError: there is no such folder, it is itself a case, or it holds none.
     """
     if not folder.is_dir():
-        raise InputError(f"{folder}: there is no such folder; give the one that holds the case folders")
+        raise MissingFileError(f"{folder}: there is no such folder; give the one that holds the case folders")
     if is_case(folder):
         raise InputError(f"{folder}: is one case; give the folder that holds it and the others, or use simulate")
     found = sorted(path for path in folder.iterdir() if is_case(path))

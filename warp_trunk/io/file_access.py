@@ -10,7 +10,7 @@ from unicodedata import category
 
 import numpy as np
 
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, MissingFileError
 from warp_trunk.system import limited_memory
 
 MOST_SURFACE = 2_000_000_000
@@ -37,8 +37,9 @@ def check_file(path: Path, expected: str, most: int = MOST_TEXT) -> int:
     """
     try:
         if not path.is_file():
-            what = "is no regular file" if path.exists() else "there is no such file"
-            raise InputError(f"{path}: {what}; {expected}")
+            if not path.exists():
+                raise MissingFileError(f"{path}: there is no such file; {expected}")
+            raise InputError(f"{path}: is no regular file; {expected}")
         with path.open("rb"):
             size = path.stat().st_size
     except (OSError, ValueError) as error:  # ValueError: a name with a null character

@@ -4,6 +4,7 @@ CalculiX (.inp), FEBio (.feb, version 4.0)."""
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import count as count_from
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,11 @@ ENDINGS = (".vtu", ".vtk", ".xdmf", ".msh", ".inp", ".feb")
 
 
 def write_volume(
-    path: str | Path, trunk: TrunkMesh, displacement: np.ndarray, tissue: Tissue, layers: Sequence[str] = ()
+    path: str | Path,
+    trunk: TrunkMesh,
+    displacement: np.ndarray,
+    tissue: Tissue | Sequence[Tissue],
+    layers: Sequence[str] = (),
 ) -> None:
     """Write a trunk in the format of the name's ending, see `ENDINGS`.
 
@@ -31,21 +36,22 @@ def write_volume(
     `node_kind` (0 free, 1 skin, 2 bone) and `bone`. Tetrahedra and triangles of .msh (Gmsh 2.2, which dolfinx and
     MFEM read) are in the physical groups `tissue`, or `tissue_NAME` for each layer, `skin`, and `bone_NAME` for
     each bone. Solvers (.inp, .feb) get a problem they can run: node sets
-    `skin`, `bones` and one for each bone, a compressible neo-Hookean or linear material of the tissue's modulus
-    and Poisson's ratio, and the displacement of every node on bone; its solution is comparable with that of
-    the neo-Hookean energy here, not equal, as each program has a law of its own.
+    `skin`, `bones` and one for each bone, a compressible neo-Hookean or linear material of the modulus
+    and Poisson's ratio of each tissue, and the displacement of every node on bone; its solution is comparable
+    with that of the neo-Hookean energy here, not equal, as each program has a law of its own. A tetrahedron that
+    is a mixture of layers has the material of the largest part.
 
     Args:
         path: the file.
         trunk: the mesh before surgery.
         displacement: motion of every node [mm], shape (nodes, 3).
-        tissue: constants of the material.
+        tissue: constants of the material, or of that of each layer in the order of their labels.
         layers: names of the tissues where there are several; numbers where left out.
 
     Raises:
-        InputError: an ending that is not known.
+        InputError: an ending that is not known, or another number of tissues than of layers in the mesh.
     """
-    path = Path(path)
+    path, tissues = Path(path), (tissue,) if isinstance(tissue, Tissue) else tuple(tissue)
     if path.suffix.lower() not in ENDINGS:
         raise InputError(f"{path}: a trunk cannot be written as '{path.suffix}'; use one of {', '.join(ENDINGS)}")
     import meshio  # heavy
@@ -68,9 +74,9 @@ def write_volume(
         mesh.field_data = names
         meshio.gmsh.write(str(path), mesh, fmt_version="2.2")  # the version that MFEM reads, too
     elif ending == ".inp":
-        _write_abaqus(path, trunk, displacement, tissue)
+        _write_abaqus(path, trunk, displacement, _materials(trunk, tissues, layers))
     else:
-        _write_febio(path, trunk, displacement, tissue)
+        _write_febio(path, trunk, displacement, _materials(trunk, tissues, layers))
     path.write_bytes(with_space(ending, path.read_bytes(), "LPS"))
 
 
@@ -98,6 +104,38 @@ def _groups(trunk: TrunkMesh, layers: Sequence[str]) -> tuple[list[np.ndarray], 
     return [label + 1, of_faces + len(solids) + 1], names
 
 
+@dataclass(frozen=True, eq=False)
+class _Material:
+    """One material and its tetrahedra."""
+
+    name: str
+    """Its name, and that of its set of elements."""
+    tissue: Tissue
+    """Its constants."""
+    tets: np.ndarray
+    """Indices of its tetrahedra, ascending."""
+
+
+def _materials(trunk: TrunkMesh, tissues: Sequence[Tissue], layers: Sequence[str]) -> list[_Material]:
+    """The materials that some tetrahedron has; InputError for another number of tissues than of layers."""
+    if trunk.tissue is None:
+        if len(tissues) != 1:
+            raise InputError(f"export: the mesh has one tissue, not {len(tissues)}; give the tissue of the model")
+        return [_Material("tissue", tissues[0], np.arange(len(trunk.tets)))]
+    label = tissue_labels(trunk)
+    if len(tissues) <= int(label.max()):
+        raise InputError(
+            f"export: the mesh has {int(label.max()) + 1} tissues, not {len(tissues)}; give one for each"
+        )
+    names = list(layers) if len(layers) >= len(tissues) else list(map(str, range(len(tissues))))
+    groups = [np.flatnonzero(label == number) for number in range(len(tissues))]
+    return [
+        _Material(f"tissue_{name}", tissue, tets)
+        for name, tissue, tets in zip(names, tissues, groups, strict=False)
+        if tets.size
+    ]
+
+
 STEPS = 10
 """Time steps over which FEBio moves the bones."""
 
@@ -112,9 +150,9 @@ def _node_sets(trunk: TrunkMesh) -> dict[str, np.ndarray]:
     return sets
 
 
-def _write_abaqus(path: Path, trunk: TrunkMesh, displacement: np.ndarray, tissue: Tissue) -> None:
-    """Nodes, linear tetrahedra, node sets, a linear material under large displacements, and a static step in
-    which every node on bone is moved."""
+def _write_abaqus(path: Path, trunk: TrunkMesh, displacement: np.ndarray, materials: Sequence[_Material]) -> None:
+    """Nodes, linear tetrahedra, node sets, a linear material of each tissue under large displacements, and a
+    static step in which every node on bone is moved."""
     import meshio  # heavy
 
     named: Any = _node_sets(trunk)
@@ -122,46 +160,56 @@ def _write_abaqus(path: Path, trunk: TrunkMesh, displacement: np.ndarray, tissue
         trunk.nodes,
         [("tetra", trunk.tets)],
         point_sets=named,
-        cell_sets={"tissue": [np.arange(len(trunk.tets))]},
+        cell_sets={material.name: [material.tets] for material in materials},
     )
     meshio.abaqus.write(path, mesh, float_fmt=".12g")
     held = np.flatnonzero(trunk.prescribed)
     with path.open("a", encoding="utf-8", newline="\n") as file:
-        file.write(
-            f"*MATERIAL, NAME=TISSUE\n*ELASTIC\n{tissue.youngs_modulus * 1e-3:.9g}, "
-            f"{tissue.poisson_ratio:.9g}\n*SOLID SECTION, ELSET=tissue, MATERIAL=TISSUE\n*STEP, NLGEOM, "
-            "INC=1000\n*STATIC\n0.1, 1.0\n*BOUNDARY\n"
-        )
+        for material in materials:
+            name, tissue = material.name.upper(), material.tissue
+            file.write(
+                f"*MATERIAL, NAME={name}\n*ELASTIC\n{tissue.youngs_modulus * 1e-3:.9g}, "
+                f"{tissue.poisson_ratio:.9g}\n"
+                f"*SOLID SECTION, ELSET={material.name}, MATERIAL={name}\n"
+            )
+        file.write("*STEP, NLGEOM, INC=1000\n*STATIC\n0.1, 1.0\n*BOUNDARY\n")
         for node, motion in zip((held + 1).tolist(), displacement[held].tolist(), strict=True):
             file.writelines(f"{node}, {axis}, {axis}, {u:.12g}\n" for axis, u in enumerate(motion, start=1))
         file.write("*NODE FILE\nU\n*END STEP\n")
 
 
-def _write_febio(path: Path, trunk: TrunkMesh, displacement: np.ndarray, tissue: Tissue) -> None:
-    """Nodes, linear tetrahedra, node sets, the surface of the skin, FEBio's neo-Hookean material, and a static
-    analysis in which every node on bone is moved along a straight line."""
+def _write_febio(path: Path, trunk: TrunkMesh, displacement: np.ndarray, materials: Sequence[_Material]) -> None:
+    """Nodes, linear tetrahedra, node sets, the surface of the skin, FEBio's neo-Hookean material of each tissue,
+    and a static analysis in which every node on bone is moved along a straight line."""
     sets = _node_sets(trunk)
     root = Element("febio_spec", version="4.0")
     SubElement(root, "Module", type="solid")
     control = SubElement(root, "Control")
     for name, value in (("analysis", "STATIC"), ("time_steps", STEPS), ("step_size", 1.0 / STEPS)):
         SubElement(control, name).text = str(value)
-    material = SubElement(SubElement(root, "Material"), "material", id="1", name="tissue", type="neo-Hookean")
-    for name, value in (
-        ("density", tissue.density * 1e-12),  # t/mm^3, which goes with N, mm and s
-        ("E", tissue.youngs_modulus * 1e-3),
-        ("v", tissue.poisson_ratio),
-    ):
-        SubElement(material, name).text = f"{value:.9g}"
+    listed = SubElement(root, "Material")
+    for number, material in enumerate(materials, start=1):
+        tissue = material.tissue
+        entry = SubElement(listed, "material", id=str(number), name=material.name, type="neo-Hookean")
+        for name, value in (
+            ("density", tissue.density * 1e-12),  # t/mm^3, which goes with N, mm and s
+            ("E", tissue.youngs_modulus * 1e-3),
+            ("v", tissue.poisson_ratio),
+        ):
+            SubElement(entry, name).text = f"{value:.9g}"
 
     mesh = SubElement(root, "Mesh")
     _rows(SubElement(mesh, "Nodes", name="trunk"), "node", "id", trunk.nodes)
-    _rows(SubElement(mesh, "Elements", type="tet4", name="tissue"), "elem", "id", trunk.tets + 1)
+    for material in materials:
+        elements = SubElement(mesh, "Elements", type="tet4", name=material.name)
+        _rows(elements, "elem", "id", trunk.tets[material.tets] + 1, material.tets + 1)
     for name, nodes in sets.items():
         SubElement(mesh, "NodeSet", name=name).text = ",".join(map(str, nodes + 1))
     skin = trunk.skin_nodes[trunk.skin_faces] + 1
     _rows(SubElement(mesh, "Surface", name="skin_surface"), "tri3", "id", skin)
-    SubElement(SubElement(root, "MeshDomains"), "SolidDomain", name="tissue", mat="tissue")
+    domains = SubElement(root, "MeshDomains")
+    for material in materials:
+        SubElement(domains, "SolidDomain", name=material.name, mat=material.name)
 
     data, boundary = SubElement(root, "MeshData"), SubElement(root, "Boundary")
     for axis, name in enumerate("xyz"):
@@ -179,6 +227,8 @@ def _write_febio(path: Path, trunk: TrunkMesh, displacement: np.ndarray, tissue:
     ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
 
 
-def _rows(parent: Element, tag: str, number: str, rows: np.ndarray) -> None:
-    for k, row in enumerate(rows.tolist(), start=1):
+def _rows(parent: Element, tag: str, number: str, rows: np.ndarray, numbers: np.ndarray | None = None) -> None:
+    """A child for each row, numbered from 1 where no numbers are given."""
+    counted = range(1, len(rows) + 1) if numbers is None else numbers.tolist()
+    for k, row in zip(counted, rows.tolist(), strict=True):
         SubElement(parent, tag, {number: str(k)}).text = ",".join(f"{value:.12g}" for value in row)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from warp_trunk.case.folders import other_kind
-from warp_trunk.errors import InputError, as_path
+from warp_trunk.errors import InputError, MissingFileError, as_path
 from warp_trunk.io.atomic_write import partial
 from warp_trunk.io.result_files import RECORDING, SUMMARY
 from warp_trunk.system import start_apart
@@ -66,6 +66,8 @@ def find_recording(result: Path) -> Path:
     for path in (result / RECORDING, partial(result / RECORDING)):
         if path.is_file():
             return path
+    if not result.exists():
+        raise MissingFileError(f"{result}: there is no such folder or file; give a result folder or a recording")
     cure = other_kind(result, "result") if not (result / SUMMARY).exists() else ""
     cure = cure or "give a folder that was simulated with --record"
     raise InputError(f"{result}: holds no {RECORDING}; {cure}")
