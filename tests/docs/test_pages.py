@@ -9,6 +9,7 @@ import pytest
 from warp_trunk.case.rib_coupling import RANGES, RibCoupling
 from warp_trunk.case.uncertainty import Uncertainty
 from warp_trunk.cli.commands import COMMANDS
+from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.measures.quantities import QUANTITIES
 
 ROOT = Path(__file__).parents[2]
@@ -59,6 +60,14 @@ def test_records_of_the_data_flow_are_in_the_program_and_named_once() -> None:
     assert [name for name in names if not re.search(rf"^(class {name}\b|{name} = )", source, re.MULTILINE)] == []
     made = re.findall(r"─▶ ([A-Z]\w+)", flow)
     assert [name for name in set(made) if made.count(name) > 1] == ["Case"]  # a plan makes another one
+
+
+def test_every_status_has_advice() -> None:
+    assert {status.name for status in RelaxStatus} <= {
+        line.split("|")[1].strip()
+        for line in (ROOT / "docs/troubleshooting.md").read_text().splitlines()
+        if "|" in line
+    }
 
 
 def test_every_quantity_is_on_the_page_of_results() -> None:
