@@ -161,6 +161,6 @@ def _observing(problem: Problem, recorded: bool) -> Iterator[Observer]:
         yield measured
         return
     case = Case(problem.name, before, {}, problem.landmarks_before, landmarks, tissue=problem.tissue)
-    about = case, problem.trunk, measure(before, problem.landmarks_before), problem.bone_path()
+    about = case, problem.trunk, measure(before, problem.landmarks_before), None, problem.bone_path()
     with tempfile.TemporaryDirectory() as folder, Recording(Path(folder) / "a.rrd", *about) as recording:
         yield lambda increment: recording.increment(increment, measured(increment))

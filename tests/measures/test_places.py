@@ -13,7 +13,7 @@ from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.cohort.one_case import CaseRow
 from warp_trunk.cohort.summary import summarize_cohort
 from warp_trunk.measures import TrunkMeasures
-from warp_trunk.measures.back_rotation import DualTangent
+from warp_trunk.measures.back_rotation import Contacts, DualTangent
 from warp_trunk.measures.measures import measure_spine
 from warp_trunk.measures.quantities import ACTUAL, BEFORE, PREDICTED, QUANTITIES, MeasureTable, measured
 from warp_trunk.measures.rows import measure_rows
@@ -25,9 +25,9 @@ SPINE = measure_spine(known_spine(to_left={"T1": 28.0, "T5": 30.0, "T12": -30.0,
 
 def back(rotations: Mapping[str, float], humps: Mapping[str, float] | None = None) -> TrunkMeasures:
     """A back whose rotation, a tenth less than its slope, and hump are given by level; 0 where left out."""
-    nowhere = np.zeros(2)
+    nowhere, contacts = np.zeros(2), Contacts(np.zeros((2, 2)), np.zeros((2, 2, 2)), np.zeros((2, 2)))
     tangents = {
-        level: DualTangent(0.0, nowhere, nowhere, rotations.get(level, 0.0), np.zeros((1, 2)), nowhere, nowhere)
+        level: DualTangent(0.0, contacts, rotations.get(level, 0.0), np.zeros((1, 2)), nowhere, nowhere)
         for level in VERTEBRAE
     }
     slopes = {level: 1.1 * rotations.get(level, 0.0) for level in VERTEBRAE}

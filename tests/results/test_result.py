@@ -22,7 +22,7 @@ from warp_trunk.meshing import predicted_skin
 from warp_trunk.results import read_result, read_summary, result_of
 
 WHOLE = {
-    "landmarks_after.csv", "landmarks_before.csv", "predicted_skin.ply", "skin_before.ply",
+    "landmarks_after.csv", "landmarks_before.csv", "predicted_skin.ply", "sections.npz", "skin_before.ply",
     "summary.json", "trunk.vtu",
 }  # fmt: skip
 

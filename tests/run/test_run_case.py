@@ -1,7 +1,7 @@
 """One whole run: a mesh made elsewhere, what lies in the result folder, and runs that are interrupted."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -20,8 +20,11 @@ from warp_trunk.engine.simulation import Increment, SimulationOptions
 from warp_trunk.errors import InputError
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.io.trunk_file import read_trunk, write_trunk
+from warp_trunk.measures import back_rotation, measures
+from warp_trunk.measures.back_rotation import tangents_of
 from warp_trunk.measures.rows import sided
 from warp_trunk.recording.viewer import find_recording
+from warp_trunk.report.writing import write_report
 from warp_trunk.results import Result, read_result
 from warp_trunk.results.summary_text import plain
 from warp_trunk.run.options import Execution, RunOptions
@@ -29,7 +32,7 @@ from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
 
 FILES = {
-    "landmarks_after.csv", "landmarks_before.csv", "predicted_skin.ply", "skin_before.ply",
+    "landmarks_after.csv", "landmarks_before.csv", "predicted_skin.ply", "sections.npz", "skin_before.ply",
     "summary.json", "trunk.vtu",
 }  # fmt: skip
 """The files of a result beside its recording."""
@@ -139,6 +142,50 @@ def test_bands_are_told_where_they_are_asked_for(case: Case, mesh: Path, tmp_pat
         assert " ".join(rows[level].split()).endswith(f"{sided(one.low)} {sided(one.high)}")
     assert (summary.bands is not None) == bands == (tmp_path / "skin_sd.csv").is_file()
     assert summary.parameters["bands"] == bands
+
+
+def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many levels each search of tangents is of, as it grows."""
+    levels = list[int]()
+
+    def count(outlines: Mapping[str, Any], *others: Any) -> Any:
+        levels.append(len(outlines))
+        return tangents_of(outlines, *others)
+
+    for module in (measures, back_rotation):
+        monkeypatch.setattr(module, "tangents_of", count)
+    return levels
+
+
+def test_every_state_is_measured_once(
+    case: Case, mesh: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before surgery, after each of three increments, each draw of errors; what is likely, at one level."""
+    searches = counted(monkeypatch)
+    result = simulated(case, tmp_path, mesh, bands=True)
+    assert result.bands is not None
+    every = len(result.measures.tangents)
+    assert every > 1
+    assert searches.count(every) == 1 + 3 + result.bands.draws
+    assert set(searches) == {1, every}
+    predicted = {level: tangent and tangent.angle for level, tangent in result.measures.tangents.items()}
+    assert result.table.values("predicted", "bsr_deg") == predicted  # to the last bit, with bands
+
+
+def test_a_result_is_read_and_reported_as_it_was_measured(
+    case: Case, mesh: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    result = simulated(case, tmp_path, mesh, record=False, bands=True)
+    monkeypatch.setattr(back_rotation, "find_contacts", None)  # nothing is measured from here on
+    read = read_result(tmp_path)
+    assert set(read.states) == set(result.states) == {"before", "predicted", "likely better", "likely worse"}
+    for state, told in result.states.items():
+        kept = read.states[state]
+        assert kept.bsr == pytest.approx(told.bsr, abs=1e-9)
+        assert kept.hump_height == pytest.approx(told.hump_height, abs=1e-9)
+        for name in ("waist", "shoulders", "missing", "skin_change_max"):
+            assert getattr(kept, name) == getattr(told, name)
+    write_report(read)
 
 
 def test_an_interrupted_run_leaves_its_recording_and_the_next_one_replaces_it(

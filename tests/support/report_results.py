@@ -9,7 +9,8 @@ import numpy as np
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.model import Model
 from warp_trunk.engine.relaxation import RelaxStatus
-from warp_trunk.measures.quantities import EXACT, PREDICTED, Measured
+from warp_trunk.measures.measures import measure_level
+from warp_trunk.measures.quantities import BETTER, EXACT, PREDICTED, WORSE, Measured
 from warp_trunk.results import result_of
 from warp_trunk.results.bands import Bands, BandSource, Effects, FoundBands
 
@@ -87,14 +88,21 @@ def small_bands(vertices: int) -> FoundBands:
     nonlinear = (("bsr_deg", "T4"),)
     bands = Bands(sources=(source,), nonlinear=nonlinear, skin_mean_mm=2.0, skin_max_mm=2.0, draws=32)
     names = np.array([(row.quantity, row.level) for row in rows if row.state == PREDICTED])
-    skin = small_case()[0].skin.vertices
+    case, trunk = small_case()
+    skin = case.skin.vertices
     right_back = (skin[:, 0] < 0.0) & (skin[:, 1] > 0.0)
+    worse = np.outer(right_back, [0.0, 2.56, 0.0])  # 80 % of the hump's deviation of 2 mm
+    predicted = (trunk.nodes + made_up_increments(trunk)[-1].displacement)[trunk.skin_nodes]
+    likely = {
+        state: measure_level(case.skin.moved(predicted + sign * worse), case.planned_landmarks, "T4")
+        for state, sign in ((BETTER, -1.0), (WORSE, 1.0))
+    }
     effects = Effects(
         names=names,
         sources=np.array(["amount of correction"]),
         effects=np.full((len(names), 1), 1.0),
         landmarks=np.zeros((len(names), 6)),
         ratio=np.ones(len(names)),
-        likely_worse=np.outer(right_back, [0.0, 2.56, 0.0]),  # 80 % of the hump's deviation of 2 mm
+        likely_worse=worse,
     )
-    return FoundBands(tuple(rows), bands, np.full(vertices, 2.0), effects)
+    return FoundBands(tuple(rows), bands, np.full(vertices, 2.0), effects, likely)

@@ -122,7 +122,8 @@ def start_recording(path, case, trunk, **options):
     """A recording of a case that has no increment yet."""
     path_of_bones = spline_path(trunk.nodes, case.landmarks_before, case.landmarks_after)
     before = measure(case.skin, case.landmarks_before)
-    recording = Recording(path, case, trunk, before, path_of_bones, **options)
+    actual = None if case.actual_skin is None else measure(case.actual_skin, case.landmarks_after)
+    recording = Recording(path, case, trunk, before, actual, path_of_bones, **options)
     rr.set_strict_mode(True)  # raise where Rerun would only warn
     return recording
 

@@ -24,7 +24,7 @@ from warp_trunk.io.point_files import read_points
 from warp_trunk.io.result_files import PREDICTED_SKIN, SUMMARY
 from warp_trunk.io.surface_files import read_surface, surface_files
 from warp_trunk.measures.back import measure_back
-from warp_trunk.results import read_result, read_summary
+from warp_trunk.results import Result, read_result, read_summary
 from warp_trunk.results.judging import judged, write_measures
 from warp_trunk.run.progress import Progress
 
@@ -66,11 +66,12 @@ class Measure:
             return self._back(file, self.spine, stem)
         with Progress() as progress:
             with progress.stage("load", f"reading {file}"):
-                case = patient_of(file, self.case)
+                case, result = patient_of(file, self.case)
                 skin = read_skin(file, self.case, case)
                 actual = None if self.against is None else read_skin(self.against, self.case, case)
             with progress.stage("measure", "measuring"):
-                found = judged(case, file, skin, actual, self.when)
+                predicted = result if file.name == PREDICTED_SKIN else None
+                found = judged(case, skin, actual, self.when, predicted)
         print(found.text)
         write_measures(stem, found.words, found.table.rows)
         if actual is not None and not case.landmarks_before.names:
@@ -134,8 +135,8 @@ def skin_file(path: Path, *, finished: bool) -> Path:
     return path
 
 
-def patient_of(file: Path, folder: Path | None) -> Case:
-    """The case whose landmarks go with a skin: that of the result it lies in, else of a folder.
+def patient_of(file: Path, folder: Path | None) -> tuple[Case, Result | None]:
+    """The case whose landmarks go with a skin, and the result it lies in: that of the result, else of a folder.
 
     Raises:
         InputError: neither is there, or the folder is of another patient than the result.
@@ -144,7 +145,7 @@ def patient_of(file: Path, folder: Path | None) -> Case:
     if not (file.parent / SUMMARY).is_file():
         if case is None:
             raise InputError(f"{file}: does not lie in a result, which holds its landmarks; give --case CASE")
-        return case
+        return case, None
     result = read_result(file.parent)
     before, after = result.landmarks_before, result.landmarks_after
     if case is not None:
@@ -153,7 +154,7 @@ def patient_of(file: Path, folder: Path | None) -> Case:
             other = f"is not the case of the result {file.parent}, whose landmarks before surgery differ"
             raise InputError(f"{folder}: {other}; leave --case out, the result holds its own landmarks")
     unseen = None if result.unseen is None else result.unseen > 0.5
-    return Case(result.summary.case, result.skin_before, {}, before, after, unseen=unseen)
+    return Case(result.summary.case, result.skin_before, {}, before, after, unseen=unseen), result
 
 
 def read_skin(path: Path, case_folder: Path | None, case: Case) -> Surface:

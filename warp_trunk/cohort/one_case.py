@@ -17,7 +17,7 @@ from warp_trunk.geometry.spline import fit_spline
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import json_text, write_whole
 from warp_trunk.io.records import read_json
-from warp_trunk.io.result_files import MEASURES, PREDICTED_SKIN
+from warp_trunk.io.result_files import MEASURES
 from warp_trunk.measures import measure
 from warp_trunk.measures.part import agreement
 from warp_trunk.measures.quantities import ACTUAL, BEFORE, PREDICTED, Measured, MeasureTable, measured
@@ -124,7 +124,7 @@ def _made_from(case: Case, options: CohortOptions) -> Fingerprint:
 
 def _row(case: Case, folder: Path, result: Result) -> CaseRow:
     """The row of a case whose result is complete."""
-    found = judged(case, result.folder / PREDICTED_SKIN, result.skin, case.actual_skin, "after")
+    found = judged(case, result.skin, case.actual_skin, "after", result)
     write_measures(result.folder / MEASURES, found.words, found.table.rows)
     summary, study = result.summary, case.study
     main = max(summary.curves[BEFORE], key=lambda curve: curve.angle, default=None)

@@ -8,6 +8,8 @@ SKIN_BEFORE, PREDICTED_SKIN, ACTUAL_SKIN = "skin_before.ply", "predicted_skin.pl
 LANDMARKS_BEFORE, LANDMARKS_AFTER = "landmarks_before.csv", "landmarks_after.csv"
 UNSEEN_SKIN = "unseen_skin.csv"
 TRUNK, SKIN_SD, RECORDING = "trunk.vtu", "skin_sd.csv", "recording.rrd"
+SECTIONS = "sections.npz"
+"""The sections of every state of a result, with the contacts of its tangents, as they were measured."""
 EFFECTS = "effects.npz"
 """Effects of the errors on the numbers of a result with bands, by which plans are compared."""
 PLAN, MOST_PLAN = "plan.toml", 1_000_000

@@ -81,7 +81,7 @@ class BackLevel:
 
     @property
     def rotation(self) -> float | None:
-        """Back surface rotation [degrees], see `dual_tangent`; None where it is missing."""
+        """Back surface rotation [degrees], see `find_contacts`; None where it is missing."""
         return None if self.tangent is None else self.tangent.angle
 
 
@@ -191,7 +191,7 @@ def measure_back(
 
     Sections lie at the height of each vertebra's centroid, or where only a line is known at `HEIGHTS` between the
     markers C7 and `lower`, the spinous process of L5 (see `back_markers`). The dual tangent is that of a closed
-    skin (`dual_tangent`). A line on the skin is that of spinous processes. From a line of bodies they
+    skin (`find_contacts`). A line on the skin is that of spinous processes. From a line of bodies they
     are taken to lie where the sagittal plane of the vertebra, turned by `TURN`, meets the skin: within 10 mm (root
     mean square of 20 patients), which changes the slope by 1.7 degrees and the dual tangent by 0.04. Of landmarks
     with pedicles that turn is known. Markers, straps and hair on a scan are flattened (`without_bumps`).

@@ -45,10 +45,8 @@ class DualTangent:
 
     height: float
     """Height of the horizontal section [mm]."""
-    left: np.ndarray
-    """Point of contact on the patient's left, x and y [mm], shape (2,)."""
-    right: np.ndarray
-    """Point of contact on the patient's right, x and y [mm], shape (2,)."""
+    contacts: Contacts
+    """Where it touches the back."""
     angle: float
     """Back surface rotation [degrees], positive where the right side of the back stands further back."""
     outline: np.ndarray
@@ -65,6 +63,16 @@ class DualTangent:
     def back(self) -> np.ndarray:
         """The points of the outline that the tangent may touch [mm], shape (m, 2)."""
         return self.outline if self.seen is None else self.outline[self.seen]
+
+    @property
+    def left(self) -> np.ndarray:
+        """Point of contact on the patient's left, x and y [mm], shape (2,)."""
+        return self.contacts.points[0]
+
+    @property
+    def right(self) -> np.ndarray:
+        """Point of contact on the patient's right, x and y [mm], shape (2,)."""
+        return self.contacts.points[1]
 
     @property
     def line(self) -> np.ndarray:
@@ -125,17 +133,23 @@ def tangent_of(
     """The dual tangent of one section (points, 2), at the height of a vertebra's centroid (3,) [mm]; it touches
     points that were seen only, bool, shape (points,)."""
     back = outline if seen is None else outline[seen]
-    if not len(back):
-        return None
-    touching = dual_tangent(back, centroid[:2], across)
-    if touching is None:
-        return None
-    left, right = touching
-    angle = -math.degrees(turn(across, left - right))
-    return DualTangent(float(centroid[2]), left, right, angle, outline, centroid[:2], across, seen)
+    contacts = find_contacts(back, centroid[:2], across) if len(back) else None
+    return None if contacts is None else tangent_at(outline, centroid, across, contacts, seen)
 
 
-def dual_tangent(outline: np.ndarray, spine: np.ndarray, across: np.ndarray) -> np.ndarray | None:
+def tangent_at(
+    outline: np.ndarray,
+    centroid: np.ndarray,
+    across: np.ndarray,
+    contacts: Contacts,
+    seen: np.ndarray | None = None,
+) -> DualTangent:
+    """The dual tangent of one section with its contacts; other arguments as for `tangent_of`."""
+    angle = -math.degrees(turn(across, contacts.points[0] - contacts.points[1]))
+    return DualTangent(float(centroid[2]), contacts, angle, outline, centroid[:2], across, seen)
+
+
+def find_contacts(outline: np.ndarray, spine: np.ndarray, across: np.ndarray) -> Contacts | None:
     """Where the common tangent of the two sides of the back touches a section.
 
     With a groove along the spine it is the edge of the section's convex hull that bridges the spine: of the edges
@@ -156,14 +170,8 @@ def dual_tangent(outline: np.ndarray, spine: np.ndarray, across: np.ndarray) -> 
         across: unit vector from the patient's right to left; it says which side of the section is the back.
 
     Returns:
-        Left and right points of contact, shape (2, 2), or None where there is no such line.
+        The points of contact, or None where there is no such line.
     """
-    found = find_contacts(outline, spine, across)
-    return None if found is None else found.points
-
-
-def find_contacts(outline: np.ndarray, spine: np.ndarray, across: np.ndarray) -> Contacts | None:
-    """The contacts of `dual_tangent`; arguments as there."""
     hull = _back_of_hull(outline, across)
     if hull is None:
         return None

@@ -27,6 +27,10 @@ _TOUCHING = 1.0
 """Where the nearest point is nearer than this its direction says nothing [mm]."""
 
 
+Rotations = Mapping[str, float | None]
+"""Back surface rotation by level [degrees]; None where it is missing."""
+
+
 @dataclass(frozen=True)
 class DistanceStatistics:
     """Distances of one region of a skin from another skin [mm], each vertex weighted by its area."""
@@ -258,7 +262,12 @@ class SkinComparison:
     """False for vertices that the statistics leave out: cut planes, and what is above T1 or below L5; (n,)."""
 
 
-def compare_skins(predicted: Surface, actual: Surface, landmarks: Landmarks) -> SkinComparison:
+def compare_skins(
+    predicted: Surface,
+    actual: Surface,
+    landmarks: Landmarks,
+    rotations: tuple[Rotations, Rotations] | None = None,
+) -> SkinComparison:
     """Judge a predicted skin by the actual one, as both papers do and in millimetres.
 
     Both must be closed and in one frame; they need not share vertices or triangles, nor be cut at the same
@@ -272,14 +281,19 @@ def compare_skins(predicted: Surface, actual: Surface, landmarks: Landmarks) -> 
         predicted: the simulated skin [mm].
         actual: the skin as scanned after surgery [mm].
         landmarks: those after surgery, used for both skins [mm].
+        rotations: of the predicted and of the actual back by level [degrees], as `TrunkMeasures.bsr` has them;
+            measured when left out.
 
     Raises:
         InputError: no ASIS, or no vertebra, among the landmarks, or a skin that is open at a level.
     """
-    theirs = back_surface_rotation(actual, landmarks)
+    ours, theirs = rotations or (
+        {level: tangent and tangent.angle for level, tangent in back_surface_rotation(skin, landmarks).items()}
+        for skin in (predicted, actual)
+    )
     angles = {
-        level: (tangent.angle, other.angle) if tangent and (other := theirs[level]) else None
-        for level, tangent in back_surface_rotation(predicted, landmarks).items()
+        level: None if angle is None or (other := theirs[level]) is None else (angle, other)
+        for level, angle in ours.items()
     }
     distance = skin_distance(predicted, actual, landmarks)
     return SkinComparison(

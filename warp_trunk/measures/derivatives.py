@@ -14,8 +14,8 @@ from warp_trunk.geometry.section import at_height, section, trunk_loop, turn
 from warp_trunk.geometry.surface import Surface, compact
 from warp_trunk.spine.spine import asis_axis, spine_of
 
-from .back_rotation import DualTangent, contacts_beside, find_contacts, hump_height, hump_top, tangent_of
-from .outlines import DEEP, shoulder_heights, upper_outline
+from .back_rotation import DualTangent, contacts_beside, hump_height, hump_top, tangent_of
+from .outlines import DEEP, Shoulders, shoulder_heights, upper_outline
 from .scoliometer import pedicle_turns, scoliometer_on, slope_between
 
 Number = Callable[[Surface, Landmarks], float]
@@ -51,9 +51,8 @@ def rotation_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent
     """
     from scipy.spatial import KDTree  # heavy
 
-    contacts = find_contacts(tangent.back, tangent.spine, tangent.across)
-    assert contacts is not None  # where there is a tangent there are contacts
-    bridge, rows = np.array_equal(*contacts.edges), landmarks.rows_of(level)
+    contacts, rows = tangent.contacts, landmarks.rows_of(level)
+    bridge = np.array_equal(*contacts.edges)
     kept, edges, cuts = _cut(skin, landmarks.points[rows, 2].mean())
     corners = np.concatenate([*contacts.edges, contacts.nearest])
     touched = edges[KDTree(cuts).query(corners)[1]]
@@ -69,7 +68,7 @@ def rotation_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent
         points = left if bridge else np.full((2, 2), np.nan) if found is None else found.points
         return -math.degrees(turn(asis_axis(marks), points[0] - points[1]))
 
-    return _by_differences(angle, skin, landmarks, kept, touched.ravel(), rows)
+    return _by_differences(angle, tangent.angle, skin, landmarks, kept, touched.ravel(), rows)
 
 
 def hump_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent: DualTangent) -> Derivative | None:
@@ -94,16 +93,17 @@ def hump_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent: Du
         hump = None if found is None else hump_height(found)
         return np.nan if hump is None else hump
 
-    return _by_differences(height, skin, landmarks, kept, edges[near].ravel(), rows)
+    return _by_differences(height, top[0], skin, landmarks, kept, edges[near].ravel(), rows)
 
 
-def slope_derivative(skin: Surface, landmarks: Landmarks, level: str) -> Derivative | None:
+def slope_derivative(skin: Surface, landmarks: Landmarks, level: str, slope: float) -> Derivative | None:
     """The slope of the standing back at a level [degrees], and how it changes; None where it is missing.
 
     Args:
         skin: the surface that is measured [mm].
         landmarks: those that go with it [mm].
         level: the vertebra.
+        slope: what was measured there (`slopes_of`).
     """
     from scipy.spatial import KDTree  # heavy
 
@@ -126,19 +126,19 @@ def slope_derivative(skin: Surface, landmarks: Landmarks, level: str) -> Derivat
         return np.nan if ends is None else slope_between(ends, asis_axis(marks))
 
     near = np.unique(KDTree(cuts).query(found, k=min(_NEAREST, len(cuts)))[1])
-    return _by_differences(angle, skin, landmarks, kept, edges[near].ravel(), *([row] for row in rows))
+    return _by_differences(angle, slope, skin, landmarks, kept, edges[near].ravel(), *([row] for row in rows))
 
 
-def shoulder_derivative(skin: Surface, landmarks: Landmarks) -> Derivative | None:
-    """How much higher the right shoulder stands [mm], and how that changes; None where it is missing.
+def shoulder_derivative(skin: Surface, landmarks: Landmarks, shoulders: Shoulders) -> Derivative:
+    """How much higher the right shoulder stands [mm], and how that changes.
 
     Args:
-        skin: the surface to measure [mm].
-        landmarks: those that go with it [mm].
+        skin: the surface that was measured [mm].
+        landmarks: those that it was measured with [mm].
+        shoulders: the heights that were found (`shoulder_heights`).
     """
     outline = upper_outline(skin, spine_of(landmarks), asis_axis(landmarks))
-    if outline is None:
-        return None
+    assert outline is not None  # where there are heights there is an outline
 
     def difference(part: Surface, marks: Landmarks) -> float:
         shoulders = shoulder_heights(part, spine_of(marks), asis_axis(marks))
@@ -147,7 +147,8 @@ def shoulder_derivative(skin: Surface, landmarks: Landmarks) -> Derivative | Non
     rows = landmarks.rows_of("T1")
     low = landmarks.points[rows, 2].mean() - DEEP - _MARGIN
     kept = (skin.vertices[skin.faces, 2] > low).all(axis=1)
-    return _by_differences(difference, skin, landmarks, kept, [*outline.ends.ravel(), outline.edge], rows)
+    touched = [*outline.ends.ravel(), outline.edge]
+    return _by_differences(difference, shoulders.difference, skin, landmarks, kept, touched, rows)
 
 
 def _cut(skin: Surface, height: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -161,22 +162,24 @@ def _cut(skin: Surface, height: float) -> tuple[np.ndarray, np.ndarray, np.ndarr
 
 def _by_differences(
     number: Number,
+    value: float,
     skin: Surface,
     landmarks: Landmarks,
     kept: np.ndarray,
     vertices: Sequence[int] | np.ndarray,
     *groups: Sequence[int],
 ) -> Derivative:
-    """Differences of a number of some triangles, in some vertices and the iliac spines, and in groups of
-    landmarks, of each of which the mean counts."""
+    """A measured value with differences of its number on some triangles, in some vertices and the iliac spines,
+    and in groups of landmarks, of each of which the mean counts."""
     part, used = compact(skin.vertices, skin.faces[kept]), np.unique(skin.faces[kept])
-    found = Derivative(number(part, landmarks), np.zeros_like(skin.vertices), np.zeros_like(landmarks.points))
+    found = Derivative(value, np.zeros_like(skin.vertices), np.zeros_like(landmarks.points))
+    start = number(part, landmarks)  # of some triangles; rounded otherwise than the value
 
     def slope(rows: Sequence[int], axis: int, points: np.ndarray, by_skin: bool) -> float:
         moved = points.copy()
         moved[rows, axis] += STEP
         there = (Surface(moved, part.faces), landmarks) if by_skin else (part, replace(landmarks, points=moved))
-        return (number(*there) - found.value) / STEP
+        return (number(*there) - start) / STEP
 
     for vertex, axis in product(np.unique(vertices).tolist(), range(3)):
         found.vertices[vertex, axis] = slope([int(np.searchsorted(used, vertex))], axis, part.vertices, True)

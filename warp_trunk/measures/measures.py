@@ -214,6 +214,25 @@ def _seen_points(
     return found
 
 
+def measure_level(
+    skin: Surface, landmarks: Landmarks, level: str, unseen: np.ndarray | None = None
+) -> TrunkMeasures:
+    """Measure a spine, and of a skin the section at one level alone; arguments as for `measure`.
+
+    Raises:
+        InputError: no ASIS among landmarks, or a skin that is open at the level.
+    """
+    measures = measure_spine(landmarks)
+    if measures.sacral_line is None or level not in measures.spine.levels:
+        return measures
+    row = measures.spine.levels.index(level)
+    part = replace(measures.spine, levels=(level,), centroids=measures.spine.centroids[row : row + 1])
+    outlines, missing = outlines_of(skin, part)
+    seen = None if unseen is None else _seen_points(skin, unseen, outlines, part)
+    tangents = tangents_of(outlines, part, measures.sacral_line.across, seen)
+    return replace(measures, outlines=outlines, tangents=tangents, missing=measures.missing | missing)
+
+
 def measure_spine(landmarks: Landmarks, expected_error: float = 0.0) -> TrunkMeasures:
     """Measure a spine alone: what is measured on the skin is left empty.
 

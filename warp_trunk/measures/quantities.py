@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -31,6 +31,8 @@ LIKELY = 1.281552
 BEFORE, PREDICTED, ACTUAL, EXACT = "before", "predicted", "actual", "exact"
 """States of a result: before surgery, predicted (of the spine: as planned), as scanned after surgery, and as
 predicted with the intervals of a plan that is carried out exactly."""
+BETTER, WORSE = "likely better", "likely worse"
+"""The predicted skin with its main hump at either end of the 80 % interval."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -332,6 +334,17 @@ class MeasureTable:
         new = {(row.state, row.level, row.quantity): row for row in known}
         rows = [new.pop((row.state, row.level, row.quantity), row) for row in self.rows]
         return MeasureTable([*rows, *new.values()])
+
+    def with_intervals(self, rows: Iterable[Measured]) -> MeasureTable:
+        """The table with the intervals of rows of the same state, level and quantity, whose values stay its own;
+        rows of other states come after all."""
+        new = {(row.state, row.level, row.quantity): row for row in rows}
+        known = {(row.state, row.level, row.quantity): row for row in self.rows}
+        kept = [
+            row if (by := new.get(key)) is None else replace(row, low=by.low, high=by.high)
+            for key, row in known.items()
+        ]
+        return MeasureTable([*kept, *(row for key, row in new.items() if key not in known)])
 
     def to_rows(self) -> list[dict[str, Any]]:
         """The rows as dictionaries of `COLUMNS`, for pandas or polars as they are."""

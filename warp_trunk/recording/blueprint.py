@@ -18,16 +18,16 @@ GLASS = (255, 222, 200, 80)
 """Skin that shows what is behind it."""
 
 
-def layout(case: Case, before: TrunkMeasures, *, target: str, unit: str) -> Any:
+def layout(case: Case, before: TrunkMeasures, *, actual: bool, unit: str) -> Any:
     """Skins and bones side by side; below them section, rotations and plots, beside them the numbers.
 
     Args:
         case: the case that is simulated.
         before: its measures before surgery.
-        target: what the target is: actual (the skin after surgery) or target (the planned spine).
+        actual: whether the target is the actual skin after surgery, or the planned spine.
         unit: of the energy.
     """
-    bones, actual = "spine" if before.bsr else "bones", target == "actual"
+    bones = "spine" if before.bsr else "bones"
     aim = "Actual, after surgery" if actual else f"Target: the planned {bones}"
     low, high = case.skin.vertices.min(axis=0), case.skin.vertices.max(axis=0)
     eye = _eye(low, high, behind=bool(case.landmarks_before.names))

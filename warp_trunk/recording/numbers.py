@@ -11,7 +11,7 @@ from warp_trunk.engine.relaxation import Energy
 from warp_trunk.measures import TrunkMeasures
 from warp_trunk.measures.levels import JUDGED
 from warp_trunk.measures.number_text import sided
-from warp_trunk.measures.quantities import BEFORE, Measured, MeasureTable
+from warp_trunk.measures.quantities import ACTUAL, BEFORE, Measured, MeasureTable
 from warp_trunk.measures.rows import RESEARCH, as_markdown, measure_rows
 
 from .colours import GREY, NOW, TARGET, TERMS, TEXT
@@ -66,10 +66,12 @@ class BarPlot:
 class Numbers:
     """Logs measures and relaxations; the levels are known by their names."""
 
-    def __init__(self, log: Callable[..., None], table: MeasureTable, before: TrunkMeasures, name: str) -> None:
-        """Logs what never changes: the states before and `name`, actual or target, of the table."""
-        self._log, self._before, self._name = log, before, name
-        angles = {state: table.values(state, "bsr_deg") for state in (BEFORE, name)}
+    def __init__(
+        self, log: Callable[..., None], table: MeasureTable, before: TrunkMeasures, states: Sequence[str]
+    ) -> None:
+        """Logs what never changes: states of the table, before surgery and the actual one where it is known."""
+        self._log, self._before, self._states = log, before, states
+        angles = {state: table.values(state, "bsr_deg") for state in states}
         self._plot = plot = BarPlot(*angles.values())
         self._terms: list[str] = []
         log("error", rr.SeriesLines(names="error", colors=NOW, widths=2.0), static=True)
@@ -78,13 +80,15 @@ class Numbers:
             colours = [NOW, TARGET][: len(names)]
             log("bsr", rr.SeriesLines(names=names, colors=colours, widths=[2.0] * len(names)), static=True)
         log("bars/before", self._bars(angles[BEFORE], GREY, 0), static=True)
-        log("bars/target", self._bars(angles[name], TARGET, 2), static=True)
+        if ACTUAL in angles:
+            log("bars/target", self._bars(angles[ACTUAL], TARGET, 2), static=True)
         rows, middle = len(plot.levels), 0.5 * plot.width
         zero = [[[plot.zero, -0.7], [plot.zero, rows - 0.3]]]
         log("bars/zero", rr.LineStrips2D(zero, colors=TEXT), static=True)
         names = self._labels(NAMES, {level: level for level in plot.levels}, TEXT)
         log("bars/levels", names, static=True)
-        legend = ["to the right: the right side stands further back", f"grey before, blue now, orange {name}"]
+        states_legend = "grey before, blue now" + (", orange actual" if ACTUAL in angles else "")
+        legend = ["to the right: the right side stands further back", states_legend]
         self._below = [[middle, rows + 2.1]]
         log("bars/legend", _labels([[middle, rows - 0.3], [middle, rows + 0.9]], legend, TEXT), static=True)
 
@@ -96,7 +100,7 @@ class Numbers:
         followed = [table.value("now", key, place) for key, place in self._places.items()]
         if followed:
             self._log("bsr", rr.Scalars([math.nan if angle is None else angle for angle in followed]))
-        text = side_by_side(table, self._before, self._name, load_factor)
+        text = side_by_side(table, self._before, self._states, load_factor)
         self._log("table", rr.TextDocument(text, media_type="text/markdown"))
 
     def bands(self, rotations: Mapping[str, Measured]) -> None:
@@ -137,14 +141,12 @@ def _labels(at: list[list[float]], texts: list[str], colour: tuple[int, int, int
     return rr.Points2D(at, radii=0.0, colors=colour, labels=texts, show_labels=True)
 
 
-def side_by_side(table: MeasureTable, before: TrunkMeasures, target_name: str, load_factor: float) -> str:
-    """The measures that a clinic asks for first, side by side, as Markdown."""
-    meaning = {
-        "actual": "Actual: the skin after surgery as it was scanned.",
-        "target": "Target: the planned bones, with the skin where their path alone carries it.",
-    }
-    groups = measure_rows(table, before, (BEFORE, "now", target_name))
+def side_by_side(table: MeasureTable, before: TrunkMeasures, states: Sequence[str], load_factor: float) -> str:
+    """The measures that a clinic asks for first, of now and of other states side by side, as Markdown."""
+    shown_states = (BEFORE, "now", *states[1:])
+    groups = measure_rows(table, before, shown_states)
     shown = [row for group in groups.values() for row in group if row.short]
     rows = [[f"{r.short[0].upper()}{r.short[1:]} [{r.quantity.unit}]", *r.cells()[1:]] for r in shown]
-    head = ["", BEFORE, f"now, {100.0 * load_factor:.0f} %", target_name]
-    return f"{as_markdown(head, rows)}\n\n{meaning[target_name]} {RESEARCH}"
+    head = ["", BEFORE, f"now, {100.0 * load_factor:.0f} %", *states[1:]]
+    meaning = "Actual: the skin after surgery as it was scanned. " if ACTUAL in states else ""
+    return f"{as_markdown(head, rows)}\n\n{meaning}{RESEARCH}"

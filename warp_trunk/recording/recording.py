@@ -14,7 +14,7 @@ from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion
 from warp_trunk.case import Case
 from warp_trunk.engine.simulation import Increment
 from warp_trunk.engine.trunk_mesh import TrunkMesh
-from warp_trunk.measures import TrunkMeasures, measure
+from warp_trunk.measures import TrunkMeasures
 from warp_trunk.measures.quantities import ACTUAL, BEFORE, PREDICTED, Measured, MeasureTable, measured
 
 from .colours import GREY, NOW, TARGET
@@ -34,6 +34,7 @@ class Recording:
         case: Case,
         trunk: TrunkMesh,
         before: TrunkMeasures,
+        actual: TrunkMeasures | None,
         bone_path: PrescribedMotion,
         *,
         unit: str = "its own unit",
@@ -46,6 +47,7 @@ class Recording:
             case: the case that is simulated.
             trunk: its mesh.
             before: measures of the skin before surgery; its worst level is the one whose section is shown.
+            actual: measures of the actual skin; None where it is not known.
             bone_path: where the bones go.
             unit: of the energy.
             live: URL of a viewer that listens, to show everything as it is recorded.
@@ -59,21 +61,19 @@ class Recording:
         self.path, self._rr, self._case = Path(path), rr, case
         planned, skin = bone_path.at(1.0), case.skin
         carried = planned[trunk.skin_nodes]
-        actual = case.actual_skin is not None
         target_skin = case.actual_skin or skin.moved(skin.vertices + carried)
-        target = measure(target_skin, case.planned_landmarks)
-        name = ACTUAL if actual else "target"
-        self._before, self._still = before, MeasureTable.of({BEFORE: before, name: target})
-        blueprint = layout(case, before, target=name, unit=unit)
+        known = {BEFORE: before} if actual is None else {BEFORE: before, ACTUAL: actual}
+        self._before, self._still = before, MeasureTable.of(known)
+        blueprint = layout(case, before, actual=actual is not None, unit=unit)
         self._streams = open_streams(case.name, self.path, live, blueprint)
         most = float(np.percentile(np.linalg.norm(carried, axis=1), 99.5))
         self._scene = scene = Scene(self._log, case, trunk, before, most)
-        self._numbers = Numbers(self._log, self._still, before, name)
+        self._numbers = Numbers(self._log, self._still, before, tuple(known))
         scene.still("before", skin, np.zeros_like(planned), case.landmarks_before.points)
         scene.still("target", target_skin, planned, case.planned_landmarks.points)
         scene.section(BEFORE, before, self._still, GREY, static=True)
-        if actual:
-            scene.section(ACTUAL, target, self._still, TARGET, static=True)
+        if actual is not None:
+            scene.section(ACTUAL, actual, self._still, TARGET, static=True)
         self._now(0, np.zeros_like(planned), before, 0.0)
         self._send()
 

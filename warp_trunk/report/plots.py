@@ -101,8 +101,12 @@ def section_plots(poses: Sequence[TrunkState]) -> Figure:
     """All poses over each other at every level, seen from above with the back below, in the pelvis' axes."""
     levels = list(poses[0].measures.tangents)
     rows = -(-len(levels) // COLUMNS)
-    figure = new_figure(7.6, 1.42 * rows + 0.4, "constrained")
-    grid = figure.subplots(max(rows, 1), COLUMNS, sharex=True, sharey=True, squeeze=False)
+    height = 1.42 * rows + 0.4
+    figure = new_figure(7.6, height)  # a constrained layout of so many axes takes seconds
+    edges = {"left": 0.01, "right": 0.99, "bottom": 0.08 / height, "top": 1.0 - 0.6 / height}
+    grid = figure.subplots(
+        max(rows, 1), COLUMNS, sharex=True, sharey=True, squeeze=False, gridspec_kw=edges | {"hspace": 0.25}
+    )
     for axes in grid.flat:
         axes.set_axis_off()
     for axes, level in zip(grid.flat, levels, strict=False):
@@ -135,7 +139,7 @@ def section_plots(poses: Sequence[TrunkState]) -> Figure:
         grid[0, 0].plot([middle - SCALE / 2.0, middle + SCALE / 2.0], [0.0, 0.0], color=INK, linewidth=1.4)
         grid[0, 0].text(middle, -6.0, f"{SCALE:g} mm", ha="center", va="bottom", fontsize=6.5, color=INK)
     handles = {h.get_label(): h for axes in grid.flat for h in axes.get_legend_handles_labels()[0]}
-    figure.legend(handles=list(handles.values()), loc="outside upper center", ncols=max(len(handles), 1))
+    figure.legend(handles=list(handles.values()), loc="upper center", ncols=max(len(handles), 1))
     return figure
 
 

@@ -27,6 +27,7 @@ RC: dict[Any, Any] = {
     "axes.spines.right": False,
     "axes.axisbelow": True,
     "axes.titlesize": 10.5,
+    "axes.titley": 1.0,  # to look for what is in its way takes a fifth of the time
     "xtick.color": INK,
     "ytick.color": INK,
     "grid.color": "#dddddd",
@@ -67,8 +68,8 @@ class Look:
 
 BEFORE = Look("before surgery", "#9a9a9a", "o", "--", "before surgery", quantities.BEFORE)
 PREDICTED = Look("predicted", "#005a96", "s", "-")
-BETTER = Look("likely better", "#005a96", "s", "-")
-WORSE = Look("likely worse", "#005a96", "s", "-")
+BETTER = Look(quantities.BETTER, "#005a96", "s", "-")
+WORSE = Look(quantities.WORSE, "#005a96", "s", "-")
 ACTUAL = Look("actual, after surgery", "#d55e00", "^", ":", state=quantities.ACTUAL)
 PLANS = (
     Look("plan A", "#005a96", "s", "-", "plan A"),
@@ -132,7 +133,8 @@ def file_of(figure: Figure, ending: str, source: str | None = None) -> bytes:
     """The figure as a file, 'svg' or 'png' (with its source); the same figure gives the same bytes."""
     file = io.BytesIO()
     metadata: dict[str, Any] = {"svg": {"Date": None}, "png": {"Software": None, "Source": source}}[ending]
-    figure.savefig(file, format=ending, dpi=200, metadata=metadata)
+    packing: dict[str, Any] = {"png": {"pil_kwargs": {"compress_level": 3}}}.get(ending, {})
+    figure.savefig(file, format=ending, dpi=200, metadata=metadata, **packing)
     figure.set_layout_engine("none")  # it is laid out, and stays so
     return file.getvalue()
 
@@ -143,7 +145,7 @@ def embedded(figure: Figure, png: bytes) -> bytes:
 
     if any(axes.images for axes in figure.axes):
         file = io.BytesIO()
-        Image.open(io.BytesIO(png)).convert("RGB").save(file, "webp", quality=82, method=6)
+        Image.open(io.BytesIO(png)).convert("RGB").save(file, "webp", quality=82)
         return file.getvalue()
     short = _PATH.sub(lambda path: _DIGITS.sub(rb"\1", path[0]), file_of(figure, "svg"))
     return _EMPTY.sub(b"", short).replace(b"DejaVuSans", b"f").replace(b"xlink:href", b"href")

@@ -18,7 +18,7 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.folders import make_writable
 from warp_trunk.io.result_files import PAGE, PICTURES, picture_source
-from warp_trunk.measures import compare_skins, measure
+from warp_trunk.measures import compare_skins
 from warp_trunk.measures.part import agreement
 from warp_trunk.measures.quantities import LIKELY, Measured, MeasureTable, measured
 from warp_trunk.measures.skin_quality import skin_change
@@ -74,7 +74,8 @@ def _whole(result: Result, folder: Path, bare: bool) -> str:
     """The page of a trunk; its pictures are written."""
     poses, summary, plan, comparison = poses_of(result), result.summary, plan_of_result(result), None
     if result.actual_skin is not None:
-        comparison = compare_skins(result.skin, result.actual_skin, result.landmarks_after)
+        rotations = result.measures.bsr, result.states[ACTUAL.state].bsr
+        comparison = compare_skins(result.skin, result.actual_skin, result.landmarks_after, rotations)
     poses = dressed(poses)
     change, quality = skin_change(result.skin_before, result.skin), summary.skin_quality
     doubtful = None
@@ -82,7 +83,7 @@ def _whole(result: Result, folder: Path, bare: bool) -> str:
         doubtful = skins.at_vertices(result.skin, change.doubtful.astype(np.float64))
     more, hump = [], poses[1].main("main_hump_mm")
     if result.effects is not None and hump is not None and result.converged:
-        more = _likely(poses, result.effects.likely_worse, hump)
+        more = _likely(poses, result, result.effects.likely_worse, hump)
     figures, trunk = _backs(poses, doubtful, more, bare=bare)
     fused = [(), () if plan is None else fused_levels(plan)]
     figures |= {
@@ -108,7 +109,7 @@ def _whole(result: Result, folder: Path, bare: bool) -> str:
     return page(result, poses, comparison, _drawn(figures, folder), trunk)
 
 
-def _likely(poses: Sequence[TrunkState], worse: np.ndarray, hump: Measured) -> list[TrunkState]:
+def _likely(poses: Sequence[TrunkState], result: Result, worse: np.ndarray, hump: Measured) -> list[TrunkState]:
     """A likely better and a likely worse back than the predicted one, by the displacement to the latter.
 
     None where the hump does not change with it as it should: errors act unevenly there, and no picture is right.
@@ -116,7 +117,7 @@ def _likely(poses: Sequence[TrunkState], worse: np.ndarray, hump: Measured) -> l
     (before, predicted, *_), found = poses, []
     for look, sign in ((BETTER, -1.0), (WORSE, 1.0)):
         skin = predicted.skin.moved(predicted.skin.vertices + sign * worse)
-        measures = measure(skin, predicted.landmarks)
+        measures = result.states[look.title]
         table = MeasureTable(measured(look.state, measures, before.measures))
         found.append(TrunkState(look, skin, predicted.landmarks, measures, table))
     better, own, worst = (
@@ -204,7 +205,7 @@ def poses_of(result: Result) -> list[TrunkState]:
         TrunkState(PREDICTED, result.skin, reached, result.measures, table, unseen),
     ]
     if (actual := result.actual_skin) is not None:
-        poses.append(TrunkState(ACTUAL, actual, reached, measure(actual, reached), table))
+        poses.append(TrunkState(ACTUAL, actual, reached, result.states[ACTUAL.state], table))
     return poses
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 from warp_trunk.io.file_access import read_text
+from warp_trunk.measures import TrunkMeasures
 from warp_trunk.measures.quantities import Measured, MeasureTable
 
 
@@ -128,6 +129,8 @@ class FoundBands:
     """Standard deviation of the place of each vertex of the skin along its normal [mm], shape (vertices,)."""
     effects: Effects
     """Effects of the errors, for comparisons."""
+    likely: dict[str, TrunkMeasures]
+    """The skin with a hump at either end of its 80 % interval, measured at the level of that hump, by state."""
 
     @property
     def table(self) -> MeasureTable:

@@ -10,21 +10,19 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from warp_trunk.io.atomic_write import csv_text, json_text, write_whole
-from warp_trunk.io.result_files import PREDICTED_SKIN, SUMMARY, TRUNK
-from warp_trunk.io.trunk_file import read_trunk
 from warp_trunk.measures import compare_skins, measure
 from warp_trunk.measures.comparison import comparison_rows
 from warp_trunk.measures.part import agreement, agreement_rows, tissue_volume_change
 from warp_trunk.measures.quantities import ACTUAL, COLUMNS, PREDICTED, Measured, MeasureTable, measured
 from warp_trunk.measures.rows import comparison_text, measures_text
 
-from .summary import read_summary
-
 if TYPE_CHECKING:
     from warp_trunk.case import Case
     from warp_trunk.geometry.surface import Surface
     from warp_trunk.spine import CobbAngle
     from warp_trunk.spine.apical import ApicalVertebra
+
+    from .result import Result
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -72,32 +70,34 @@ def levels_in_band(table: MeasureTable) -> dict[str, bool | None]:
 
 
 def judged(
-    case: Case, file: Path, skin: Surface, actual: Surface | None, when: Literal["before", "after"] | None
+    case: Case,
+    skin: Surface,
+    actual: Surface | None,
+    when: Literal["before", "after"] | None,
+    result: Result | None = None,
 ) -> Judgement:
-    """All that is known of a skin that was read from a file.
+    """All that is known of a skin.
 
     Args:
         case: whose skin it is, with its landmarks.
-        file: where the skin was read from; in a result, its intervals and the volume of its tissue are included.
         skin: the skin [mm].
         actual: the actual skin after surgery, where it is to be judged.
         when: whose landmarks go with it; found out where left out.
+        result: the result whose predicted skin it is; its measures, intervals and tissue are taken.
     """
     same = skin.vertices.shape == case.skin.vertices.shape and np.array_equal(skin.faces, case.skin.faces)
     if when is None:
         unmoved = same and np.abs(skin.vertices - case.skin.vertices).max() < 1e-3  # float32 files round
         when = "before" if unmoved else "after"
     landmarks = case.landmarks_before if when == "before" else case.planned_landmarks
-    unseen = case.unseen if same else None
-    found = measure(skin, landmarks, case.skin if same and when == "after" else None, unseen)
-    before = measure(case.skin, case.landmarks_before, unseen=case.unseen)
-    of_result = when == "after" and file.name == PREDICTED_SKIN and (file.parent / SUMMARY).is_file()
-    table = MeasureTable(measured(PREDICTED if of_result else when, found, before))
-    if of_result:
-        known = [
-            row for row in read_summary(file.parent).measures if row.state == PREDICTED and row.low is not None
-        ]
-        table = table.with_rows(known)
+    if result is not None and when == "after":
+        found, before = result.measures, result.measures_before
+        table = MeasureTable(row for row in result.table.rows if row.state == PREDICTED)
+    else:
+        unseen = case.unseen if same else None
+        found = measure(skin, landmarks, case.skin if same and when == "after" else None, unseen)
+        before = measure(case.skin, case.landmarks_before, unseen=case.unseen)
+        table = MeasureTable(measured(when, found, before))
     name = case.name.strip()
     text = [f"{name}: the skin with its landmarks {when} surgery", "", measures_text(found)]
     if not landmarks.names:
@@ -108,7 +108,8 @@ def judged(
         table = table.with_rows(Measured("error", "", name, value) for name, value in agreed.items())
         text += ["", *(f"{name}: {value}" for name, value in agreement_rows(agreed))]
     elif actual is not None:
-        other, comparison = measure(actual, landmarks), compare_skins(skin, actual, landmarks)
+        other = measure(actual, landmarks)
+        comparison = compare_skins(skin, actual, landmarks, (found.bsr, other.bsr))
         table = table.with_rows([*measured(ACTUAL, other, before, of="skin"), *comparison_rows(comparison)])
         text += ["", "The actual skin", "", measures_text(other), "", comparison_text(comparison)]
     inside = levels_in_band(table)
@@ -116,7 +117,8 @@ def judged(
         out = [level for level in known if not inside[level]]
         counts = f"{len(known) - len(out)} of {len(known)} levels" + (f"; not at {', '.join(out)}" if out else "")
         text += ["", f"Actual back surface rotation in its 95 % band at {counts}"]
-    if (tissue := _tissue_change(file, skin)) is not None:
+    tissue = None if result is None else tissue_volume_change(*result.tissue)
+    if tissue is not None:
         text += ["", f"volume of the soft tissue   {tissue:+z.2f} %"]
     return Judgement(
         case=case.name,
@@ -128,18 +130,6 @@ def judged(
         tissue_volume_change_percent=tissue,
         text="\n".join(text),
     )
-
-
-def _tissue_change(file: Path, skin: Surface) -> float | None:
-    """Change of the tissue's volume [%] where the skin is that of a simulation whose mesh lies beside it."""
-    mesh = file.with_name(TRUNK)
-    if not mesh.is_file():
-        return None
-    trunk, displacement = read_trunk(mesh)
-    ours = (trunk.nodes + displacement)[trunk.skin_nodes]
-    if ours.shape != skin.vertices.shape or np.abs(ours - skin.vertices).max() > 1e-3:
-        return None
-    return tissue_volume_change(trunk, displacement)
 
 
 def write_measures(stem: Path, words: Mapping[str, Any], rows: Sequence[Measured]) -> None:

@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from functools import partial as bound
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,7 @@ from warp_trunk.io.result_files import (
     PLAN,
     PREDICTED_SKIN,
     RECORDING,
+    SECTIONS,
     SKIN_BEFORE,
     SKIN_SD,
     SUMMARY,
@@ -43,10 +45,11 @@ from warp_trunk.io.result_files import (
 )
 from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.io.trunk_file import read_trunk, write_trunk
-from warp_trunk.measures import TrunkMeasures, measure
-from warp_trunk.measures.quantities import MeasureTable
+from warp_trunk.measures import TrunkMeasures
+from warp_trunk.measures.quantities import ACTUAL, BEFORE, BETTER, PREDICTED, WORSE, MeasureTable
 
 from .bands import Bands, Effects, read_effects, read_skin_sd, write_effects, write_skin_sd
+from .sections import read_sections, write_sections
 from .summary import Summary, read_summary, write_summary
 
 LEAST_SPACE = 200e6
@@ -82,6 +85,11 @@ class Result:
     """The same points after surgery [mm], same names in the same order."""
     summary: Summary
     """How the simulation ended, its options and its numbers: the contents of summary.json."""
+    states: dict[str, TrunkMeasures]
+    """Where each state was measured, by its name: before, predicted, and actual where that skin is known; a likely
+    better and worse one, at the level of the main hump, with bands."""
+    read_tissue: Callable[[], tuple[TrunkMesh, np.ndarray]]
+    """Gives `tissue`, which is large."""
     unseen: np.ndarray | None = None
     """1 for each vertex of the skin that was not measured, else 0, shape (vertices,); None where all were."""
     skin_sd: np.ndarray | None = None
@@ -153,28 +161,28 @@ class Result:
         """
         return self.table.to_rows()
 
-    @cached_property
+    @property
     def measures(self) -> TrunkMeasures:
         """The measures of the predicted skin."""
-        return measure(self.skin, self.landmarks_after, self.skin_before, self.unseen)
+        return self.states[PREDICTED]
 
-    @cached_property
+    @property
     def measures_before(self) -> TrunkMeasures:
         """The measures of the skin before surgery."""
-        return measure(self.skin_before, self.landmarks_before, unseen=self.unseen)
+        return self.states[BEFORE]
 
     @cached_property
     def tissue(self) -> tuple[TrunkMesh, np.ndarray]:
         """The mesh before surgery, and the displacement of its nodes [mm], shape (nodes, 3)."""
-        return read_trunk(self.folder / TRUNK)
+        return self.read_tissue()
 
     def save(self, folder: str | Path) -> Result:
         """Write the result folder, with everything of the case that its report needs.
 
         It holds `skin_before.ply` and `predicted_skin.ply` (the same vertices and faces), `actual_skin.ply` where
-        the case has one, `landmarks_before.csv`, `landmarks_after.csv`, `trunk.vtu`, `summary.json`, the
-        recording, `skin_sd.csv` and `effects.npz` where there are bands, and `plan.toml` where a plan made the
-        case.
+        the case has one, `landmarks_before.csv`, `landmarks_after.csv`, `sections.npz`, `trunk.vtu`,
+        `summary.json`, the recording, `skin_sd.csv` and `effects.npz` where there are bands, and `plan.toml` where
+        a plan made the case.
 
         Every file is written under another name and moved when all are complete, summary.json last: a folder that
         has a summary is complete. What an earlier simulation left in the same folder is removed, also the report
@@ -225,6 +233,7 @@ def write_result(folder: Path, result: Result) -> None:
         SKIN_SD: (write_skin_sd, result.skin_sd),
         UNSEEN_SKIN: (write_skin_sd, result.unseen),
         EFFECTS: (write_effects, result.effects),
+        SECTIONS: (write_sections, result.states),
         SUMMARY: (write_summary, result.summary),
     }
     written = {name: content for name, content in contents.items() if content[1] is not None}
@@ -291,6 +300,10 @@ def read_result(folder: str | Path) -> Result:
         landmarks_before=planned,
         landmarks_after=reached,
         summary=summary,
+        states=read_sections(
+            present(SECTIONS), {BEFORE: planned} | dict.fromkeys((PREDICTED, ACTUAL, BETTER, WORSE), reached)
+        ),
+        read_tissue=bound(read_trunk, folder / TRUNK),
         unseen=None if summary.invented is None else read_skin_sd(folder / UNSEEN_SKIN, len(after.vertices)),
         skin_sd=None if summary.bands is None else read_skin_sd(folder / SKIN_SD, len(after.vertices)),
         effects=None if summary.bands is None else read_effects(folder / EFFECTS, len(after.vertices)),

@@ -46,7 +46,7 @@ def result_of(
     model: Model,
     increments: Sequence[Increment],
     *,
-    measures: tuple[TrunkMeasures, TrunkMeasures] | None = None,
+    states: Mapping[str, TrunkMeasures] | None = None,
     quality: SkinQuality | None = None,
     parameters: Mapping[str, Any] | None = None,
     seconds: Mapping[str, float] | None = None,
@@ -62,7 +62,8 @@ def result_of(
         trunk: its mesh.
         model: its model.
         increments: everything that the engine's `simulate` yielded.
-        measures: those of the skin before surgery and of the predicted skin; measured when left out.
+        states: the measures before surgery, predicted, and of the actual skin where it is known, by the name of
+            the state; measured when left out.
         quality: how far the predicted skin is stretched and folded, likewise.
         parameters: options of the run for the summary, beside those the model knows.
         seconds: times by stage, see `STAGES`; the time of relaxation is known from the increments.
@@ -78,16 +79,13 @@ def result_of(
         raise InputError("result_of: 'increments' is empty; give everything that simulate() yielded")
     displacement, last = increments[-1].displacement, increments[-1].relaxation
     skin, planned = predicted_skin(case, trunk, displacement), case.planned_landmarks
-    before, after = measures or (
-        measure(case.skin, case.landmarks_before, unseen=case.unseen),
-        measure(skin, planned, case.skin, case.unseen),
-    )
+    states = dict(states or measured_states(case, skin))
+    before, after = states[BEFORE], states[PREDICTED]
     table = MeasureTable.of({BEFORE: before, PREDICTED: after})
-    if case.actual_skin is not None:
-        actual = measured(ACTUAL, measure(case.actual_skin, planned), before, of="skin")
-        table = table.with_rows(actual)
+    if ACTUAL in states:
+        table = table.with_rows(measured(ACTUAL, states[ACTUAL], before, of="skin"))
     if found is not None:
-        table = table.with_rows(found.rows)
+        table = table.with_intervals(found.rows)
     quality = quality or skin_quality(case.skin, skin, case.landmarks_before, case.bones)
     known = {"relax": sum(increment.seconds for increment in increments), **(seconds or {})}
     constants = dataclasses.asdict(model.tissues[0]) if len(model.tissues) == 1 else {}
@@ -126,21 +124,31 @@ def result_of(
         invented=case.invented,
         chest={} if case.invented else _chest(case, trunk, skin, motion_of),
     )
-    result = Result(
+    return Result(
         skin_before=case.skin,
         skin=skin,
         actual_skin=case.actual_skin,
         landmarks_before=case.landmarks_before,
         landmarks_after=planned,
         summary=as_read(summary),
+        states=states if found is None else states | found.likely,
+        read_tissue=lambda: (trunk, displacement),
         skin_sd=None if found is None else found.skin_sd,
         unseen=None if case.unseen is None else case.unseen.astype(np.float64),
         effects=None if found is None else found.effects,
         plan=case.plan,
         recording=recording,
     )
-    result.measures_before, result.measures, result.tissue = before, after, (trunk, displacement)
-    return result
+
+
+def measured_states(case: Case, skin: Surface) -> dict[str, TrunkMeasures]:
+    """The measures before surgery, of a predicted skin, and of the actual one where it is known, by state."""
+    planned = case.planned_landmarks
+    states = {
+        BEFORE: measure(case.skin, case.landmarks_before, unseen=case.unseen),
+        PREDICTED: measure(skin, planned, case.skin, case.unseen),
+    }
+    return states if case.actual_skin is None else states | {ACTUAL: measure(case.actual_skin, planned)}
 
 
 def _springs(model: Model, energy: Energy) -> SpringSummary | None:

@@ -18,7 +18,6 @@ from warp_trunk.bone_motion.plan.record import Bound, bounds_of_text, check_boun
 from warp_trunk.case import Case
 from warp_trunk.engine.linearization import Linearization
 from warp_trunk.errors import InputError, WrongTypeError, expect
-from warp_trunk.measures import measure
 from warp_trunk.measures.levels import JUDGED, largest_at
 from warp_trunk.measures.quantities import QUANTITIES, WIDTH
 
@@ -52,7 +51,7 @@ class PlanTrial:
         self.shares, self._search = shares, search
         self.case = search.planned(shares)
         self.prediction = prepare_plan(patient, self.case).relax()
-        measured = measure(self.prediction.skin, self.case.planned_landmarks, unseen=self.case.unseen)
+        measured = self.prediction.measures_at(self.prediction.last)
         found = QUANTITIES[AIMS[search.aim][0]].function(measured, measured)
         self.values = {level: value for level in JUDGED if (value := found.get(level)) is not None}
 

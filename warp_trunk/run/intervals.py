@@ -20,8 +20,18 @@ from warp_trunk.case.uncertainty import REFERENCES
 from warp_trunk.engine.linearization import Linearization
 from warp_trunk.geometry.spline import spline_response
 from warp_trunk.geometry.surface import vertex_normals
-from warp_trunk.measures.measures import measure_spine
-from warp_trunk.measures.quantities import BEFORE, EXACT, LIKELY, PREDICTED, QUANTITIES, Measured, quantities_of
+from warp_trunk.measures.measures import TrunkMeasures, measure_level, measure_spine
+from warp_trunk.measures.quantities import (
+    BEFORE,
+    BETTER,
+    EXACT,
+    LIKELY,
+    PREDICTED,
+    QUANTITIES,
+    WORSE,
+    Measured,
+    quantities_of,
+)
 from warp_trunk.measures.scoliometer import BENT_SD, forward_bend
 from warp_trunk.results.bands import Bands, BandSource, Effects, FoundBands
 
@@ -39,7 +49,6 @@ from .sources import ErrorSource, sources_of
 if TYPE_CHECKING:
     from warp_trunk.case import Case
     from warp_trunk.case.uncertainty import Invented
-    from warp_trunk.measures import TrunkMeasures
     from warp_trunk.measures.derivatives import Derivative
 
     from .prediction import Prediction
@@ -122,7 +131,13 @@ def find_bands(prediction: Prediction, *, draws: int = DRAWS) -> FoundBands:
         ratio=np.append(ratio[at], np.ones(len(of_spine))),
         likely_worse=_likely_worse(solved, on_skin, hump_row, hump),
     )
-    return FoundBands(tuple(rows), bands, skin_sd, both)
+    likely = dict[str, TrunkMeasures]()
+    if hump_row is not None:
+        level = [*solved.numbers][hump_row][1]
+        for state, sign in ((BETTER, -1.0), (WORSE, 1.0)):
+            moved = skin.moved(skin.vertices + sign * both.likely_worse)
+            likely[state] = measure_level(moved, case.planned_landmarks, level, case.unseen)
+    return FoundBands(tuple(rows), bands, skin_sd, both, likely)
 
 
 def _maxima(prediction: Prediction, solved: _Solved) -> list[tuple[tuple[str, str], int]]:

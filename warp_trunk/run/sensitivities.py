@@ -117,9 +117,10 @@ def numbers_of(prediction: Prediction, *, all_humps: bool = False) -> dict[tuple
         if all_humps or level in humps:
             found["hump_mm", level] = hump_derivative(skin, landmarks, level, tangent)
     for level in SCOLIOMETER:
-        if level in tangents:
-            found["atr_deg", level] = slope_derivative(skin, landmarks, level)
-    found["shoulder_difference_mm", ""] = shoulder_derivative(skin, landmarks)
+        if level in tangents and (slope := measured.slopes.get(level)) is not None:
+            found["atr_deg", level] = slope_derivative(skin, landmarks, level, slope)
+    if measured.shoulders is not None:
+        found["shoulder_difference_mm", ""] = shoulder_derivative(skin, landmarks, measured.shoulders)
     return {name: number for name, number in found.items() if number is not None}
 
 

@@ -25,7 +25,8 @@ from warp_trunk.errors import InputError, expect
 from warp_trunk.io.atomic_write import partial
 from warp_trunk.io.folders import locked, removed_if_empty
 from warp_trunk.io.result_files import RECORDING
-from warp_trunk.measures.quantities import BEFORE, PREDICTED, MeasureTable
+from warp_trunk.measures import measure
+from warp_trunk.measures.quantities import ACTUAL, BEFORE, PREDICTED, MeasureTable
 from warp_trunk.measures.skin_quality import skin_quality
 from warp_trunk.recording import Recording, load_rerun, start_viewer
 from warp_trunk.results import Result, prepare_folder, result_of, write_result
@@ -293,7 +294,9 @@ class _Simulator:
         held = colliding_bones(trunk, prediction.path)
         if held:
             progress.message(f"warning: {held[0]}; tissue cannot follow there")
-        before = prediction.measures_before
+        before, actual = prediction.measures_before, None
+        if case.actual_skin is not None:
+            actual = measure(case.actual_skin, case.planned_landmarks)
         with ExitStack() as recordings:
             observers: list[Observer] = [
                 _timed(clock),
@@ -302,7 +305,7 @@ class _Simulator:
             if execution.record:
                 unit = prediction.model.elements.unit
                 with progress.stage("record", "opening the recording"):
-                    recording = Recording(path, case, trunk, before, prediction.path, unit=unit, live=live)
+                    recording = Recording(path, case, trunk, before, actual, prediction.path, unit=unit, live=live)
                 recordings.enter_context(recording)
                 observers.append(_recorded(recording, prediction, clock))
             prediction.relax(*observers, message=progress.message)
@@ -324,7 +327,7 @@ class _Simulator:
             trunk,
             prediction.model,
             prediction.increments,
-            measures=(before, after),
+            states={BEFORE: before, PREDICTED: after} | ({} if actual is None else {ACTUAL: actual}),
             quality=quality,
             parameters=parameters(options) | dataclasses.asdict(execution),
             seconds=seconds,
