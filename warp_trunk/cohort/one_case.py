@@ -142,6 +142,7 @@ def _row(case: Case, folder: Path, result: Result) -> CaseRow:
         patient=study.patient or folder.name,
         pose=study.pose,
         synthetic=study.synthetic,
+        lenke=summary.lenke,
         cobb_deg=None if main is None else main.angle,
         correction_percent=None if main is None or left is None else 100.0 * (1.0 - left / main.angle),
         months_after=study.months_after,
@@ -186,6 +187,8 @@ class CaseRow:
     """The pose of the second scan: surgery or bending."""
     synthetic: bool = False
     """Whether a computer made it."""
+    lenke: str = ""
+    """Its curve type by Lenke before surgery, such as 1A."""
     cobb_deg: float | None = None
     """Largest curve before surgery [degrees]."""
     correction_percent: float | None = None

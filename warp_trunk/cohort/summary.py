@@ -87,6 +87,8 @@ class CohortSummary:
     """Cases that a computer made."""
     ranges: dict[str, Estimates]
     """By the ranges that the papers use."""
+    lenke: dict[str, Estimate | None]
+    """Mean absolute error of the prediction from T3 to L5 [degrees] by curve type, Lenke 1 to 6."""
     levels: dict[str, LevelSummary]
     """By level, top to bottom."""
     agreement: LimitsOfAgreement | None
@@ -166,6 +168,14 @@ def summarize_cohort(rows: Sequence[CaseRow]) -> CohortSummary:
         bending=tuple(row.folder for row in known if row.pose == "bending"),
         synthetic=sum(row.synthetic for row in rows),
         ranges={name: _estimates(cases.filter(range=name)) for name in RANGES},
+        lenke={
+            kind: _mean(
+                cases.filter(pl.col("folder").is_in(folders), range=WHOLE, guess="predicted").rename(
+                    {"mean": "value"}
+                )
+            )
+            for kind, folders in sorted(_by_type(counted).items())
+        },
         levels={level: one for level in RANGES[WHOLE] if (one := _level(found.filter(level=level)))},
         agreement=limits_of_agreement(predicted["error"].to_list(), predicted["patient"].to_list()),
         hump=_hump(tidy(counted).filter(quantity="main_hump_mm")),
@@ -203,6 +213,15 @@ def _estimates(cases: pl.DataFrame) -> Estimates:
         return over_patients(known[name].to_list(), known["patient"].to_list())
 
     return {name: estimate(name) for name in numbers.columns[1:]}
+
+
+def _by_type(rows: Sequence[CaseRow]) -> dict[str, list[str]]:
+    """The folders of cases by curve type, without the lumbar modifier."""
+    found: dict[str, list[str]] = {}
+    for row in rows:
+        if row.lenke:
+            found.setdefault(row.lenke[0], []).append(row.folder)
+    return found
 
 
 def _mean(numbers: pl.DataFrame) -> Estimate | None:

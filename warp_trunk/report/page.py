@@ -73,7 +73,7 @@ def page(
         in_numbers=in_numbers(shown),
         joined=joined(plan),
         plan_words="" if plan is None else plan_words(plan),
-        planned=planned(table, curves, list(table.column(BEFORE, "bsr_deg")), plan),
+        planned=planned(table, curves, list(table.column(BEFORE, "bsr_deg")), plan, summary.lenke),
         fingerprint=result.fingerprint,
         sheet=sheet_of(result),
         sentences=sentences(table, shown, comparison, summary.bands, plan),

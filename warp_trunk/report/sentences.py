@@ -91,7 +91,9 @@ def stiff(plan: Plan | None) -> str:
     return f"{where}. There the spine no longer bends or turns; above and below it still does."
 
 
-def planned(table: MeasureTable, curves: Sequence[CobbAngle], levels: Sequence[str], plan: Plan | None) -> str:
+def planned(
+    table: MeasureTable, curves: Sequence[CobbAngle], levels: Sequence[str], plan: Plan | None, lenke: str = ""
+) -> str:
     """The change of the curves, for the surgeon: those that the plan asks something of, then those that follow.
 
     Args:
@@ -99,15 +101,16 @@ def planned(table: MeasureTable, curves: Sequence[CobbAngle], levels: Sequence[s
         curves: those before surgery.
         levels: the vertebrae, top to bottom.
         plan: the plan; without one, curves go with the bones.
+        lenke: curve type by Lenke; empty where there is none.
     """
+    kind = [f"The curve type is Lenke {lenke}."] if lenke else []
     after = table.column(PREDICTED, "cobb_deg")
     followed = [(curve, row) for curve in curves if (row := after.get(curve.ends)) is not None]
     if not followed:
         return "The spine has no curve of 10 degrees or more."
     if plan is None:
-        return f"The curves of the spine go {_listed(followed)}."
-    asked = planned_curves(plan, curves, levels)
-    texts = []
+        return " ".join([*kind, f"The curves of the spine go {_listed(followed)}."])
+    asked, texts = planned_curves(plan, curves, levels), kind
     for of_plan, text in ((True, "The plan takes the curve{s} {}."), (False, "The other curve{s} follow{v}: {}.")):
         if some := [one for one in followed if (one[0] in asked) == of_plan]:
             several = len(some) > 1

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warp_trunk.bone_motion.plan.planner import lenke_of
 from warp_trunk.engine.energies.itmsm import Itmsm
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import fit_rigid
@@ -101,6 +102,7 @@ def result_of(
         nodes=len(trunk.nodes),
         free_nodes=int((~trunk.prescribed).sum()),
         inverted_tets=last.inverted_tets,
+        lenke=lenke_of(case),
         released_nodes=released,
         device=model.device,
         precision=model.precision,

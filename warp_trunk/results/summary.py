@@ -141,6 +141,8 @@ class Summary:
     """Largest resident memory [MB]."""
     versions: dict[str, str | None]
     """Versions of this program and of the libraries on which its numbers depend."""
+    lenke: str = ""
+    """Curve type by Lenke before surgery, such as 1A; empty without a thoracic or lumbar curve."""
     released_nodes: int = 0
     """Nodes that came off the bones at the end, because tetrahedra there were inside out."""
     warnings: tuple[str, ...] = ()

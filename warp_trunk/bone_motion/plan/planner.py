@@ -13,7 +13,8 @@ from warp_trunk.errors import InputError, expect
 from warp_trunk.geometry.spline import fit_spline
 from warp_trunk.spine.apical import axial_rotation
 from warp_trunk.spine.cobb import CobbAngle, cobb_angles, curves_after, vertebral_tilt
-from warp_trunk.spine.spine import asis_axis, spine_of
+from warp_trunk.spine.lenke import lenke_type
+from warp_trunk.spine.spine import asis_axis, sacral_line, spine_of
 
 from .least_motion import least_motion, limits_of, segments
 from .record import Plan
@@ -191,6 +192,16 @@ def flexibility_of(curves: Sequence[CobbAngle], films: Sequence[Landmarks]) -> d
         if angles:
             found[curve.apex] = (curve.angle - min(angles)) / curve.angle
     return found
+
+
+def lenke_of(case: Case) -> str:
+    """Curve type by Lenke before surgery (`lenke_type`), with the films of side bending; empty without a spine."""
+    if not case.landmarks_before.names:
+        return ""
+    spine, curves = spine_of(case.landmarks_before), cobb_angles(case.landmarks_before)
+    return lenke_type(
+        spine, curves, sacral_line(case.landmarks_before), flexibility_of(curves, bending_films(case))
+    )
 
 
 def beyond_reach(before: Landmarks, after: Landmarks, films: Sequence[Landmarks]) -> dict[str, float]:
