@@ -158,6 +158,7 @@ def test_a_drag_moves_the_skin_and_the_numbers(visit: Visit, page: Page) -> None
     visit.wait_for(shown(page.session.view.surgery.curves[1].cobb_after))  # the table
     assert visit.seen() != drawn
     assert page.scene.painted is None
+    assert all(page.scene.garment.faces[name].size for name in ("shorts", "shirt"))
     for own in (True, False):
         visit.tab.get_by_label("Own colours", exact=True).first.dispatch_event("click")
         until(lambda own=own: page.scene.skin.visible != own, visit)
@@ -208,6 +209,10 @@ def test_two_tabs_show_one_plan_and_one_that_goes_takes_nothing_along(
 
 def test_the_button_ends_it(visit: Visit, page: Page) -> None:
     visit.press("End")
+    visit.press("Continue planning")
+    assert not page.stopped.wait(1.0)
+    visit.press("End")
+    visit.press("End the page")
     assert page.stopped.wait(10.0)
     assert [path.name for path in page.kept.folder.iterdir()] == ["plan_1"]
     assert (visit.complaints, visit.elsewhere) == ([], [])

@@ -15,6 +15,7 @@ from rerun.chunk import RrdReader
 from support.rrd import column
 from support.small_trunk import made_up_increments, measured, small_case, start_recording
 from warp_trunk.bone_motion.prescribed_motion import spline_path
+from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.recording.colours import SKIN
 from warp_trunk.recording.numbers import BarPlot
@@ -59,6 +60,22 @@ def test_every_increment_has_its_skin(recorded):
         np.testing.assert_allclose(skins[increment.number], expected, atol=1e-4)
     (faces,) = column(path, "/now/skin", "triangle_indices").values()
     np.testing.assert_array_equal(faces, case.skin.faces)
+
+
+def test_a_patient_is_dressed_in_every_state(recorded):
+    """The shorts move as the skin under them does, and hide it; the shirt leaves the back open."""
+    path, case, trunk, increments = recorded
+    moved = (trunk.nodes + increments[-1].displacement)[trunk.skin_nodes]
+    for when, time, skin in (("before", None, case.skin.vertices), ("now", 3, moved)):
+        for name in ("shorts", "shirt"):
+            places = column(path, f"/{when}/{name}", "vertex_positions")[time].reshape(-1, 3)
+            faces = column(path, f"/{when}/{name}", "triangle_indices")[None].reshape(-1, 3)
+            assert faces.max() == len(places) - 1
+            inner = np.abs(places[:, 2] - places[:, 2].mean()) < 0.4 * np.ptp(places[:, 2])
+            off = SurfaceDistance(Surface(skin, case.skin.faces)).at(places[inner])
+            assert off.min() > -3.0, (when, name)  # a box whose edges are turned by 12 degrees
+    shirt = column(path, "/now/shirt", "vertex_positions")[3].reshape(-1, 3)
+    assert shirt[:, 1].max() < moved[:, 1].max() - 20.0
 
 
 def test_numbers_by_increment(recorded):

@@ -13,6 +13,7 @@ from warp_trunk.geometry.section import crossed
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files.morph import skin_glb
 from warp_trunk.report.style import BEFORE, PLANS
+from warp_trunk.views.clothing import COLOURS, Garment
 
 from .session import PlanView
 from .sliders import MotionPlan
@@ -27,6 +28,8 @@ SIDES = {"Behind": (0.0, 1.0), "Left side": (1.0, 0.0), "Front": (0.0, -1.0), "R
 """Directions from which the patient is seen, x and y."""
 _DISTANCE = 1.75
 """How far away the eye is, in heights of the trunk."""
+BAR = 100.0
+"""Length of the bar that shows the scale [mm]."""
 _FIELD = 38.0
 """Field of view [degrees]."""
 
@@ -55,6 +58,13 @@ class PageScene:
             thickness_units="screen",
             visible=False,
         )
+        self.garment = Garment(case.skin, case.landmarks_before) if case.has_spine else None
+        """What the patient wears."""
+        self._clothes: dict[str, viser.MeshHandle] = {}
+        if self.garment is not None:
+            for name, places in self.garment.on(case.skin.vertices).items():
+                faces, colour = self.garment.faces[name], COLOURS[name]
+                self._clothes[name] = scene.add_mesh_simple(f"/{name}", places, faces, color=colour, side="double")
         self.relief = scene.add_line_segments(
             "/relief", relief_lines(skin.vertices, skin.faces), INK, thickness=1.2, thickness_units="screen"
         )
@@ -64,10 +74,21 @@ class PageScene:
             for name, bone in case.bones.items()
         }
         low, high = skin.vertices.min(axis=0), skin.vertices.max(axis=0)
+        self._add_marks(scene, low, high)
         self._middle, self._height = (low + high) / 2.0, float(high[2] - low[2])
         camera = server.initial_camera
         camera.near, camera.far, camera.fov = 10.0, 20.0 * self._height, np.radians(_FIELD)
         camera.position, camera.look_at = self.eye("Behind" if case.has_spine else "Front"), self._middle
+
+    def _add_marks(self, scene: viser.SceneApi, low: np.ndarray, high: np.ndarray) -> None:
+        """Names of the sides, and a bar of `BAR` under the trunk."""
+        deep, beside = (low[1] + high[1]) / 2.0, low[2] + 0.1 * (high[2] - low[2])
+        for text, x in (("left", high[0] + 30.0), ("right", low[0] - 30.0)):
+            scene.add_label(f"/sides/{text}", text, position=(x, deep, beside))
+        middle, under = (low[0] + high[0]) / 2.0, low[2] - 15.0
+        ends = np.array([[[middle - BAR / 2.0, deep, under], [middle + BAR / 2.0, deep, under]]], np.float32)
+        scene.add_line_segments("/bar", ends, INK, thickness=3.0, thickness_units="screen")
+        scene.add_label("/bar/length", f"{BAR:g} mm", position=(middle, deep, under - 12.0))
 
     def show(self, view: PlanView) -> None:
         """Draws the skin and the bones of a view; browsers get all of it at once."""
@@ -76,6 +97,7 @@ class PageScene:
             self._lines()
             self._settled = view.settled
             self._paint()
+            self._dress()
             if view.surgery is not self._surgery:
                 self._surgery, self._view = view.surgery, view
                 self._move_bones()
@@ -100,11 +122,17 @@ class PageScene:
         self._lines()
         self._move_bones()
         self._paint()
+        self._dress()
 
     def show_own(self, shown: bool) -> None:
         """Shows the colours of the scan, or one for the whole skin."""
         self._own = shown
         self._paint()
+
+    def show_clothes(self, shown: bool) -> None:
+        """Puts on shorts and a shirt that is open behind, or takes them off."""
+        for cloth in self._clothes.values():
+            cloth.visible = shown
 
     def show_relief(self, shown: bool) -> None:
         """Draws lines of equal depth on the back, or none."""
@@ -145,6 +173,13 @@ class PageScene:
             self.painted.visible = False
         for skin in (self.before, self.skin):
             skin.visible = skin is shown and not painted
+
+    def _dress(self) -> None:
+        """Moves the clothes to the skin that is shown."""
+        if self.garment is not None:
+            shown = self.before if self._is_before else self.skin
+            for name, places in self.garment.on(np.asarray(shown.vertices)).items():
+                self._clothes[name].vertices = places.astype(np.float32)
 
     def _lines(self) -> None:
         """Draws the lines of what is shown, where lines are."""

@@ -107,12 +107,24 @@ class Page:
                 ("Skin transparent", self.scene.show_through, True),
                 ("Lines of depth", self.scene.show_relief, self._case.has_spine),
             ]
+            if self.scene.garment is not None:
+                looks.append(("Clothes", self.scene.show_clothes, True))
             if self._case.skin.colours is not None:
                 looks.append(("Own colours", self.scene.show_own, False))
             for label, shows, first in looks:
                 gui.add_checkbox(label, first).on_update(partial(draw, shows=shows))
         end = gui.add_button("End", color="gray", hint="Ends the page for everyone; what was kept stays")
-        end.on_click(lambda _: self.stopped.set())
+        end.on_click(self._ask_to_end)
+
+    def _ask_to_end(self, event: viser.GuiEvent) -> None:
+        """Asks the browser in which `End` was clicked, as the page ends for all."""
+        if event.client is None:
+            return
+        gui = event.client.gui
+        with gui.add_modal("End the page for everyone?") as question:
+            gui.add_markdown("What was kept stays. The plan on the sliders is lost.")
+            gui.add_button("End the page", color="red").on_click(lambda _: self.stopped.set())
+            gui.add_button("Continue planning").on_click(lambda _: question.close())
 
     def _show(self) -> None:
         """Draws what the session knows; called for one change after another."""

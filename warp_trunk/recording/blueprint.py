@@ -8,6 +8,7 @@ import rerun.blueprint as rrb
 
 from warp_trunk.case import Case
 from warp_trunk.measures import TrunkMeasures
+from warp_trunk.views.clothing import COLOURS
 
 from .colours import SKIN
 from .numbers import BarPlot
@@ -37,8 +38,9 @@ def layout(case: Case, before: TrunkMeasures, *, actual: bool, unit: str) -> Any
         skin, contents = f"/{when}/skin", [f"/{when}/{one}" for one in inside]
         if contents:
             override = {"albedo_factor": GLASS, "vertex_colors": SKIN}
+        worn = [f"/{when}/{part}" for part in COLOURS] if case.has_spine else []
         return rrb.Spatial3DView(
-            origin="/", name=name, contents=[*contents, skin, "/sides"], eye_controls=eye, line_grid=False,
+            origin="/", name=name, contents=[*contents, skin, *worn, "/sides"], eye_controls=eye, line_grid=False,
             overrides={skin: rr.Mesh3D.from_fields(**override)} if override else None,
         )  # fmt: skip
 

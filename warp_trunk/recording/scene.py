@@ -13,6 +13,7 @@ from warp_trunk.geometry.surface import Surface, vertex_normals
 from warp_trunk.measures import TrunkMeasures
 from warp_trunk.measures.number_text import sided
 from warp_trunk.measures.quantities import ACTUAL, MeasureTable
+from warp_trunk.views.clothing import COLOURS, Garment
 from warp_trunk.views.hump import hump_palette
 
 from .colours import BONE, NOW, TEXT, displacement_paint, hump_paint, painted
@@ -43,10 +44,12 @@ class Scene:
             texts = [f"{value:.3g} mm" for value in (0.0, most / 2.0, most)]
         self._bone_nodes, bone_faces = np.unique(trunk.bone_faces, return_inverse=True)
         self._bone_faces = bone_faces.reshape(-1, 3).astype(np.uint32)
+        self._worn: dict[str, Garment] = {}
         low, high = self._low, self._high = case.skin.vertices.min(axis=0), case.skin.vertices.max(axis=0)
         log("/", rr.ViewCoordinates.LBU, static=True)
         faces = case.skin.faces.astype(np.uint32)
         log("now/skin", rr.Mesh3D.from_fields(triangle_indices=faces), static=True)
+        self._dress("now", case.skin, case.landmarks_before)
         deep, at = (low[1] + high[1]) / 2.0, low[2] + 0.08 * (high[2] - low[2])
         sides = np.array([[high[0] + 20.0, deep, at], [low[0] - 20.0, deep, at]], np.float32)
         labels: dict[str, Any] = {"radii": 0.0, "colors": TEXT, "show_labels": True}
@@ -72,7 +75,20 @@ class Scene:
         """Logs a trunk that does not move, `before` or `target`, without a time."""
         triangles = rr.Mesh3D.from_fields(triangle_indices=skin.faces.astype(np.uint32))
         self._log(f"{when}/skin", triangles, static=True)
+        self._dress(when, skin, Landmarks(self._case.landmarks_before.names, landmarks))
         self._trunk_at(when, skin, displacement, landmarks, static=True)
+
+    def _dress(self, when: str, skin: Surface, landmarks: Landmarks) -> None:
+        """Logs the triangles of what the patient wears; a part without a spine is not dressed."""
+        if not self._case.has_spine:
+            return
+        scanned = skin.vertices.shape != self._case.skin.vertices.shape  # another skin: the actual one
+        garment = self._worn.get("now") if not scanned else None
+        self._worn[when] = garment = garment or Garment(skin, landmarks)
+        for name, faces in garment.faces.items():
+            triangles = faces.astype(np.uint32)
+            cloth = rr.Mesh3D.from_fields(triangle_indices=triangles, albedo_factor=COLOURS[name])
+            self._log(f"{when}/{name}", cloth, static=True)
 
     def now(self, displacement: np.ndarray, landmarks: np.ndarray) -> None:
         """Logs bones, landmarks and the skin in its colours."""
@@ -91,6 +107,11 @@ class Scene:
             vertex_colors=self._paint(skin, Landmarks(names, landmarks)),
         )
         self._log(f"{when}/skin", mesh, static=static)
+        if garment := self._worn.get(when):
+            for name, places in garment.on(skin.vertices).items():
+                normals = vertex_normals(Surface(places, garment.faces[name]))
+                cloth = rr.Mesh3D.from_fields(vertex_positions=places.astype(np.float32), vertex_normals=normals)
+                self._log(f"{when}/{name}", cloth, static=static)
         moved = (self._trunk.nodes + displacement)[self._bone_nodes].astype(np.float32)
         normals = vertex_normals(Surface(moved, self._bone_faces))
         bones = rr.Mesh3D.from_fields(vertex_positions=moved, vertex_normals=normals)

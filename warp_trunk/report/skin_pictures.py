@@ -16,10 +16,10 @@ from warp_trunk.measures.back_rotation import hump_top
 from warp_trunk.measures.quantities import QUANTITIES, Measured
 from warp_trunk.measures.skin_quality import LOOK, STRETCH, SkinChange
 from warp_trunk.measures.verdicts import NOT_KNOWN, is_known
+from warp_trunk.views.clothing import cloth_surfaces
 from warp_trunk.views.hump import COLOUR_STEP, Painted, hump_palette, scale_limit
 from warp_trunk.views.relief import BEHIND, FRONT, Relief, Viewpoint, Window, relief, seen_from, window
 
-from .clothing import cloth_surfaces
 from .panels import CLAY, coloured, panels, shaded
 from .style import INK, TrunkState
 

@@ -18,8 +18,7 @@ from typing import Any
 import numpy as np
 
 from warp_trunk.geometry.surface import directed_edges
-
-from .clothing import SHORTS_FACES, cloth_faces, open_back
+from warp_trunk.views.clothing import SHORTS_FACES, cloth_faces, open_back
 
 STEP = 0.04
 """Places are rounded to this [mm]."""

@@ -26,7 +26,7 @@ from warp_trunk.views.hump import hump_on_vertices, hump_palette, painted_differ
 from warp_trunk.views.relief import BEHIND, FRONT, RIGHT, in_pelvis
 
 from . import skin_pictures as skins
-from .clothing import dressed
+from .dressing import dressed
 from .page import page, part_page, plan_of_result
 from .part_pictures import change_sections, changed_views, frame_of
 from .plans import check_plans, plan_poses, plans_page, plans_table

@@ -1,13 +1,12 @@
 """A close shirt and shorts for a trunk, and its cut edges closed softly: what pictures show by default.
 
 Cloth is a tube of its own, the same rows and columns on every state of a trunk, so that it can be blended like the
-skin. It bridges hollows as cloth does: each horizontal section is the convex hull of the skin there.
+skin. It bridges hollows as cloth does: each horizontal section is the convex hull of the skin there. Where a trunk
+moves in many steps, a `Garment` is made once and carried by the skin.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,8 +16,8 @@ from warp_trunk.geometry.section import sections, trunk_loop
 from warp_trunk.geometry.surface import Surface, neighbour_means
 from warp_trunk.spine.spine import Spine, asis_axis, spine_of
 
-from .style import TrunkState, Worn
-
+COLOURS = {"shorts": (92, 107, 122), "shirt": (158, 181, 199)}
+"""Of the parts of a garment."""
 COLUMNS, SHORTS, SHIRT = 120, 22, 78
 """Columns around the trunk, rows of the shorts and of the shirt."""
 SHORTS_FACES = 2 * COLUMNS * (SHORTS - 1)
@@ -69,20 +68,6 @@ def softened(skin: Surface, part: np.ndarray) -> Surface:
     for _ in range(_ROUNDS):
         vertices = vertices + (0.5 * part)[:, None] * (mean @ vertices - vertices)
     return Surface(vertices, skin.faces)
-
-
-def dressed(poses: Sequence[TrunkState]) -> list[TrunkState]:
-    """States of one trunk with their clothes; the first is before surgery, and all with its triangles are rounded
-    where it is."""
-    part, found = soft(poses[0].skin), []
-    for pose in poses:
-        if pose.worn is not None:
-            found.append(pose)
-            continue
-        same = len(pose.skin.vertices) == len(part)
-        skin = softened(pose.skin, part if same else soft(pose.skin))
-        found.append(replace(pose, worn=Worn(skin, cloth_of(skin, pose.landmarks))))
-    return found
 
 
 def cloth_of(skin: Surface, landmarks: Landmarks) -> np.ndarray:
@@ -165,9 +150,15 @@ def _neckline(reach: np.ndarray, heights: np.ndarray, turn: np.ndarray, spine: S
 
 def cloth_faces() -> np.ndarray:
     """Triangles of the cloth, outward, shape (n, 3)."""
-    number = np.arange((SHORTS + SHIRT) * COLUMNS).reshape(-1, COLUMNS)
-    a, b = number[:-1], np.roll(number[:-1], -1, axis=1)
-    c, d = np.roll(number[1:], -1, axis=1), number[1:]
+    return _grid(SHORTS + SHIRT, COLUMNS, closed=True)
+
+
+def _grid(rows: int, columns: int, *, closed: bool) -> np.ndarray:
+    """Triangles between points, row by row, shape (n, 3); `closed` joins the last column to the first."""
+    number = np.arange(rows * columns).reshape(rows, columns)
+    if closed:
+        number = np.column_stack([number, number[:, :1]])
+    a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
     faces = np.stack([np.stack([a, b, c], axis=-1), np.stack([a, c, d], axis=-1)], axis=2)
     return faces.reshape(-1, 3).astype(np.int32)
 
@@ -178,10 +169,66 @@ def cloth_surfaces(cloth: np.ndarray, *, shirt: bool) -> tuple[Surface, Surface]
     return Surface(places, faces[:SHORTS_FACES]), Surface(places, faces[SHORTS_FACES:] if shirt else faces[:0])
 
 
+def _edge(up: np.ndarray) -> np.ndarray:
+    """Angle from the front to which a shirt that is open behind reaches [degrees], from waistband 0 to neck 1."""
+    return _OPEN[0] + (_OPEN[1] - _OPEN[0]) * up**1.5
+
+
 def open_back() -> np.ndarray:
     """How far inside the edge of a shirt that is open behind each place of the cloth lies [degrees about the
     trunk], positive inside; shape (SHORTS + SHIRT, COLUMNS)."""
     from_front = np.abs((np.arange(COLUMNS) * 360.0 / COLUMNS - 270.0 + 180.0) % 360.0 - 180.0)
-    up = np.linspace(0.0, 1.0, SHIRT)[:, None]
-    shirt = _OPEN[0] + (_OPEN[1] - _OPEN[0]) * up**1.5 - from_front
+    shirt = _edge(np.linspace(0.0, 1.0, SHIRT))[:, None] - from_front
     return np.concatenate([np.full((SHORTS, COLUMNS), 90.0), shirt])
+
+
+_OPEN_COLUMNS = 61
+"""Columns of a shirt that is open behind, from edge to edge."""
+_CARRIERS = 8
+"""Vertices of the skin that carry a point of a garment."""
+
+
+def open_shirt(cloth: np.ndarray) -> np.ndarray:
+    """The shirt of a cloth up to the edges at which it is open behind, shape (SHIRT, columns, 3).
+
+    Its columns go from the edge at the right side over the front to the left one.
+    """
+    columns = np.arange(COLUMNS + 1)
+    shirt = np.concatenate([cloth[SHORTS:], cloth[SHORTS:, :1]], axis=1)
+    half = _edge(np.linspace(0.0, 1.0, SHIRT))[:, None]
+    at = ((270.0 + half * np.linspace(-1.0, 1.0, _OPEN_COLUMNS)) % 360.0) * COLUMNS / 360.0
+    return np.stack(
+        [
+            [np.interp(row_at, columns, row[:, axis]) for row_at, row in zip(at, shirt, strict=True)]
+            for axis in range(3)
+        ],
+        axis=-1,
+    )
+
+
+class Garment:
+    """Shorts and a shirt that is open behind, carried by the skin of a trunk that moves."""
+
+    def __init__(self, skin: Surface, landmarks: Landmarks) -> None:
+        """Fits them to a skin with its landmarks, as `cloth_of`, which says what it raises."""
+        from scipy.spatial import KDTree
+
+        cloth = cloth_of(skin, landmarks)
+        rows = {"shorts": (cloth[:SHORTS], True), "shirt": (open_shirt(cloth), False)}
+        self.faces = {name: _grid(*grid.shape[:2], closed=closed) for name, (grid, closed) in rows.items()}
+        """Triangles of `shorts` and `shirt`, outward, shape (n, 3)."""
+        self._parts = {}
+        tree = KDTree(skin.vertices)
+        for name, (grid, _) in rows.items():
+            places = grid.reshape(-1, 3)
+            distance, near = tree.query(places, k=_CARRIERS)
+            weight = 1.0 / (distance + 1e-6)
+            self._parts[name] = places, near, (weight / weight.sum(axis=1, keepdims=True))[..., None]
+        self._skin = skin.vertices
+
+    def on(self, vertices: np.ndarray) -> dict[str, np.ndarray]:
+        """Vertices of `shorts` and `shirt` where the skin has moved to `vertices`, (vertices, 3); all [mm]."""
+        way = vertices - self._skin
+        return {
+            name: places + (weight * way[near]).sum(axis=1) for name, (places, near, weight) in self._parts.items()
+        }
