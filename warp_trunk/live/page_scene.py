@@ -81,14 +81,14 @@ class PageScene:
         camera.position, camera.look_at = self.eye("Behind" if case.has_spine else "Front"), self._middle
 
     def _add_marks(self, scene: viser.SceneApi, low: np.ndarray, high: np.ndarray) -> None:
-        """Names of the sides, and a bar of `BAR` under the trunk."""
-        deep, beside = (low[1] + high[1]) / 2.0, low[2] + 0.1 * (high[2] - low[2])
-        for text, x in (("left", high[0] + 30.0), ("right", low[0] - 30.0)):
+        """Names of the sides, and an upright bar of `BAR` at the right."""
+        deep, beside = (low[1] + high[1]) / 2.0, low[2] + 0.3 * (high[2] - low[2])
+        for text, x in (("left", high[0] + 30.0), ("right", low[0] - 25.0)):
             scene.add_label(f"/sides/{text}", text, position=(x, deep, beside))
-        middle, under = (low[0] + high[0]) / 2.0, low[2] - 15.0
-        ends = np.array([[[middle - BAR / 2.0, deep, under], [middle + BAR / 2.0, deep, under]]], np.float32)
+        x, bottom = low[0] - 60.0, low[2]
+        ends = np.array([[[x, deep, bottom], [x, deep, bottom + BAR]]], np.float32)
         scene.add_line_segments("/bar", ends, INK, thickness=3.0, thickness_units="screen")
-        scene.add_label("/bar/length", f"{BAR:g} mm", position=(middle, deep, under - 12.0))
+        scene.add_label("/bar/length", f"{BAR:g} mm", position=(x, deep, bottom + BAR + 12.0))
 
     def show(self, view: PlanView) -> None:
         """Draws the skin and the bones of a view; browsers get all of it at once."""
