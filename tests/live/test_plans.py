@@ -1,5 +1,6 @@
 """Sliders make plans and motions; kept plans are cases as `plan` writes them; the words of the page."""
 
+import re
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
@@ -18,10 +19,11 @@ from warp_trunk.case.motions import Motion, Turn, rigid_motions
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.live.kept import KeptPlans
-from warp_trunk.live.number_table import numbers_html
+from warp_trunk.live.number_table import WAITING, numbers_html
 from warp_trunk.live.session import PlanView
 from warp_trunk.live.sliders import Controls, MotionSliders, SpineSliders, first_state, with_handles
 from warp_trunk.measures import measure
+from warp_trunk.measures.number_text import MISSING
 from warp_trunk.measures.rows import number
 from warp_trunk.run.patient import motions_of
 from warp_trunk.spine import cobb_angles
@@ -107,21 +109,32 @@ VIEW = PlanView(1, {}, plan_surgery(CASE, PLAN), {}, CASE.skin.vertices, error=2
 
 
 def test_the_table_has_what_the_plan_and_the_skin_have() -> None:
-    text = numbers_html(CASE, BEFORE, VIEW, BEFORE)
+    measured = replace(VIEW, relaxed=True, measures=BEFORE)
+    text = numbers_html(CASE, BEFORE, measured)
     assert isinstance(VIEW.surgery, PlannedSurgery)
     curve = next(curve for curve in VIEW.surgery.curves if curve.planned)
     row = text[text.index(f"Cobb angle {curve.before.upper} to {curve.before.lower}") :]
     assert f"<td>{number(curve.before.angle)}</td><td>{number(curve.cobb_after)}</td>" in row[:150]
-    assert "The back, of the skin relaxed last" in text  # the measures are those of another view
     assert "Look:</b> a &lt; b" in text
     assert text.count("<rect") == 2 * sum(angle is not None for angle in BEFORE.bsr.values())
-    measured = replace(VIEW, relaxed=True, measures=BEFORE)
-    assert "relaxed last" not in numbers_html(CASE, BEFORE, measured, BEFORE)
+    assert WAITING not in text
+
+
+def test_numbers_of_a_skin_that_is_not_relaxed_are_blank_and_the_curves_are_not() -> None:
+    """What stands under "plan" is of this plan or blank, never of the plan before."""
+    text = numbers_html(CASE, BEFORE, VIEW)
+    assert f"The back{WAITING}" in text
+    rows = dict(re.findall(r"<th[^>]*>([^<]*)</th>((?:<td>[^<]*</td>)+)", text))
+    of_skin = {name: cells for name, cells in rows.items() if "hump" in name or "(BSR)" in name}
+    assert len(of_skin) >= 3
+    assert all(cells.endswith(f"<td>{MISSING}</td>") for cells in of_skin.values())
+    assert all(f"<td>{MISSING}</td>" not in cells for name, cells in rows.items() if name.startswith("Cobb"))
+    assert text.count("<rect") == sum(angle is not None for angle in BEFORE.bsr.values())  # before alone
 
 
 def test_a_plan_to_compare_with_is_a_column_of_its_own() -> None:
     kept = replace(VIEW, measures=BEFORE)
-    text = numbers_html(CASE, BEFORE, kept, BEFORE, ("<mine>", kept))
+    text = numbers_html(CASE, BEFORE, kept, ("<mine>", kept))
     assert "&lt;mine&gt;" in text
     assert "<mine>" not in text
     assert text.count("<rect") == 3 * sum(angle is not None for angle in BEFORE.bsr.values())

@@ -23,7 +23,7 @@ from warp_trunk.live import relaxation
 from warp_trunk.live.relaxation import Interrupted, LiveRelaxation, Relaxed
 from warp_trunk.live.session import Latest, PlanView, Session
 from warp_trunk.live.sliders import MotionSliders, Sliders, SliderState, SpineSliders, first_state, with_handles
-from warp_trunk.measures import TrunkMeasures, measure
+from warp_trunk.measures import measure
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.run.options import Execution, RunOptions
 from warp_trunk.run.patient import PreparedPatient, patient_of
@@ -37,14 +37,14 @@ class Heard(Session):
 
     def __init__(self, patient: PreparedPatient, sliders: Sliders | None = None) -> None:
         self.sliders = sliders or SpineSliders(patient.case)
-        self.told: list[tuple[PlanView | None, str, TrunkMeasures | None]] = []
+        self.told: list[tuple[PlanView | None, str]] = []
         self.faults: list[str] = []
         self._more = threading.Condition()
         super().__init__(patient, self.sliders, self._hear, self.faults.append)
 
     def _hear(self) -> None:
         with self._more:
-            self.told.append((self.view, self.refusal, self.measures))
+            self.told.append((self.view, self.refusal))
             self._more.notify_all()
 
     def until(self, wanted: Callable[[], object]) -> None:

@@ -19,6 +19,8 @@ from .sliders import MotionPlan
 
 _STATES = ("before", "plan", "kept")
 """States of the table; a kept plan has any title."""
+WAITING = ": measured when its skin is relaxed"
+"""The heading goes on so while it is not."""
 _COLOURS = (BEFORE.colour, PLANS[0].colour, PLANS[1].colour)
 """Of their bars."""
 _MIDDLE, _HALF, _ROW = 135.0, 105.0, 17.0
@@ -53,37 +55,37 @@ def numbers_html(
     case: Case,
     before: TrunkMeasures,
     view: PlanView,
-    measures: TrunkMeasures | None,
     kept: tuple[str, PlanView] | None = None,
 ) -> str:
     """The table of a view, below its warnings.
+
+    While the skin of a plan is not relaxed and measured, its numbers are blank: those of the plan before would
+    stand beside the curves of this one.
 
     Args:
         case: the patient, with the points that are followed.
         before: measures before surgery.
         view: what is shown.
-        measures: those of the back, of an earlier view where that of this one are still to come.
         kept: name and view of the plan to compare with.
     """
-    stale = measures is not None and measures is not view.measures
-    views = [(view, measures), *([] if kept is None else [(kept[1], kept[1].measures)])]
+    views = [view, *([] if kept is None else [kept[1]])]
     titles = ["before", "plan", *([] if kept is None else [kept[0]])]
     states, numbers = _STATES[: len(titles)], measured(_STATES[0], before)
-    for state, (each, of_skin) in zip(states[1:], views, strict=True):
-        if of_skin is not None:
-            numbers += measured(state, of_skin, before, of="skin")
+    for state, each in zip(states[1:], views, strict=True):
+        if each.measures is not None:
+            numbers += measured(state, each.measures, before, of="skin")
         if isinstance(each.surgery, PlannedSurgery):
             spine = measure_spine(each.surgery.landmarks_after)
             numbers += measured(state, spine, before, of="spine")
     table = MeasureTable(numbers)
     part = "The back" if before.tangents else "The skin"
-    groups = {part + ", of the skin relaxed last" * stale: skin_rows(table, states)}
+    groups = {part + WAITING * (view.measures is None): skin_rows(table, states)}
     groups |= spine_rows(table, before, states)
-    rows = _point_rows(case, [each for each, _ in views])
+    rows = _point_rows(case, views)
     for heading, group in groups.items():
         shown = [row.cells() for row in group if row.short or row.values[0] is None]  # what plans are chosen by
         rows += [[heading], *shown] if shown else []
-    levels, colours, bars = _rotation(table, states, stale=stale)
+    levels, colours, bars = _rotation(table, states)
     legend = [(titles[states.index(state)], colour) for state, colour in colours.items()]
     return _html("numbers", view.warnings, titles, rows, levels, legend, bars)
 
@@ -106,10 +108,10 @@ def _point_rows(case: Case, views: Sequence[PlanView]) -> list[list[str]]:
 
 
 def _rotation(
-    table: MeasureTable, states: Sequence[str], *, stale: bool
+    table: MeasureTable, states: Sequence[str]
 ) -> tuple[list[tuple[str, str]], dict[str, str], list[tuple[Any, ...]]]:
     """Levels with the rotation of the plan, the colour of each state that is known, and bars from the middle to
-    the side that stands further back: x, y, width, height, colour and opacity of each."""
+    the side that stands further back: x, y, width, height and colour of each."""
     columns = {state: table.values(state, "bsr_deg") for state in states}
     known = {state: colour for state, colour in zip(states, _COLOURS, strict=False) if columns[state]}
     angles = [angle for column in columns.values() for angle in column.values() if angle is not None]
@@ -122,5 +124,5 @@ def _rotation(
         for place, (state, colour) in enumerate(known.items()):
             if (angle := columns[state].get(level)) is not None:
                 x, y = _MIDDLE + min(0.0, angle * scale), _ROW * row + 2.0 + place * thick
-                bars.append((x, y, abs(angle) * scale, thick, colour, 0.45 if stale and place == 1 else 1.0))
+                bars.append((x, y, abs(angle) * scale, thick, colour))
     return levels, known, bars

@@ -144,8 +144,8 @@ class Page:
         self._status.content = status_html(view, self.session.refusal, planning=self.session.planning)
         if view is not None:
             kept = self.kept.views.get(name)
-            named, measures = None if kept is None else (name, kept), self.session.measures or self._before
-            self._told.put(partial(numbers_html, self._case, self._before, view, measures, named))
+            named = None if kept is None else (name, kept)
+            self._told.put(partial(numbers_html, self._case, self._before, view, named))
 
     def _write_numbers(self) -> None:
         while (numbers := self._told.take()) is not None:

@@ -132,7 +132,7 @@ class Session:
         Args:
             patient: made ready; the session owns her model from now on.
             sliders: what their state means.
-            changed: called after `view`, `refusal` or `measures` changed, never twice at the same time.
+            changed: called after `view` or `refusal` changed, never twice at the same time.
             report_error: called if a thread ended by a fault of the program.
         """
         self.view: PlanView | None = None
@@ -141,8 +141,6 @@ class Session:
         """Why a newer state of the sliders cannot be met, and what is the nearest, in a sentence; else empty."""
         self.planning = False
         """Whether there is a newer state whose plan is not found yet."""
-        self.measures: TrunkMeasures | None = None
-        """Measures of the skin relaxed last, which may be that of an older state."""
         self._patient, self._sliders, self._on_change = patient, sliders, changed
         self._states: Latest[SliderState] = Latest()
         self._jobs: Latest[PlanView] = Latest()
@@ -265,10 +263,9 @@ class Session:
         while (view := self._relaxed.take()) is not None:
             measured = self._measured(view)
             with self._lock:
-                self.measures = measured.measures
                 if self.view is view:
                     self.view = measured
-                self._on_change()
+                    self._on_change()
 
     def _measured(self, view: PlanView) -> PlanView:
         before, unseen = self._patient.case.skin, self._patient.case.unseen
