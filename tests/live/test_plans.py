@@ -268,3 +268,11 @@ def test_sliders_of_motions_at_zero_move_nothing_and_no_bone_passes_into_another
     assert not any(motion.moves for motion in motions_of(sliders.surgery(still).planned_case(case)).values())
     with pytest.raises(InputError, match=r"'front' passes .* into 'core'"):
         sliders.surgery({**still, "front Back mm": 35.0})
+
+
+def test_levels_in_the_wrong_order_are_refused_in_the_words_of_the_page() -> None:
+    state = {**first_state(REST), "uiv": "T12", "liv": "T5"}
+    with pytest.raises(
+        InputError, match="the upper vertebra must lie above the lower one, but T12 is not above T5"
+    ):
+        REST.surgery(state)

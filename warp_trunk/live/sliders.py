@@ -166,6 +166,11 @@ class SpineSliders:
             InputError: levels in the wrong order, or a number that no slider has.
         """
         ends = {"uiv": state["uiv"], "liv": state["liv"]}
+        if rank(ends["uiv"]) >= rank(ends["liv"]):  # in the words of the page
+            raise InputError(
+                f"the upper vertebra must lie above the lower one, but {ends['uiv']} is not above {ends['liv']}; "
+                "choose another one"
+            )
         plan = replace(self._base or Plan(**ends), **ends, curves=(), kyphosis_T5_T12=None)
         curves = []
         for apex in self._curves:
