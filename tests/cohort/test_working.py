@@ -120,7 +120,9 @@ def test_what_is_done_is_kept_and_what_changed_is_done_again(cases: Path, alone:
     kept = do_case(cases / "a", out, cohort_options())
     assert kept.kept
     assert kept.row.measures
-    changed = dataclasses.replace(cohort_options(), constants={"youngs_modulus": 5.0})
+    options = cohort_options()
+    stiffer = dataclasses.replace(options.run, constants={"youngs_modulus": 5.0})
+    changed = dataclasses.replace(options, run=stiffer)
     done = do_case(cases / "a", out, changed)
     assert not done.kept
     assert done.notice == "'youngs_modulus' was 17.0 and is 5.0"

@@ -305,7 +305,7 @@ def made_job(tmp_path_factory: pytest.TempPathFactory, names: tuple[str, ...], *
         **changed,
     )
     free = tuple(FreeConstant(name=name, start=constant_of(case, name)) for name in names)
-    return FitJob(folder=folder, options=CohortOptions(run=run), free=free)
+    return FitJob(folder=folder, options=CohortOptions(run=run, execution=cohort_options().execution), free=free)
 
 
 def test_derivatives_are_differences(job: FitJob) -> None:
@@ -333,7 +333,7 @@ def check_derivatives(job: FitJob) -> None:
 
 def relaxed(job: FitJob, relax: RelaxOptions) -> FitJob:
     run = replace(job.options.run, simulation=SimulationOptions(increments=2, relax=relax))
-    return replace(job, options=CohortOptions(run=run))
+    return replace(job, options=CohortOptions(run=run, execution=cohort_options().execution))
 
 
 def test_a_skin_that_is_settled_counts_though_no_equilibrium_is_confirmed(job: FitJob) -> None:
