@@ -170,7 +170,9 @@ def test_an_impossible_wish_is_reported_and_the_next_one_clears_it(patient: Prep
         session.settled(session.corrected(30))
         session.ask({**session.corrected(100), "uiv": "L4", "liv": "T4"})
         session.until(lambda: session.refusal)
-        assert session.refusal.startswith("'uiv' must lie above 'liv', but L4 is not above T4")
+        assert session.refusal.startswith(
+            "the upper vertebra must lie above the lower one, but L4 is not above T4"
+        )
         session.settled(session.corrected(31))
         assert session.refusal == ""
 
