@@ -7,6 +7,7 @@ from pathlib import Path
 from warp_trunk.errors import InputError, as_path, expect
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import partial, write_whole
+from warp_trunk.io.file_names import check_file_names
 from warp_trunk.io.surface_files import surface_files, write_surface
 
 from .case import Case
@@ -85,9 +86,8 @@ def _surfaces(folder: Path, case: Case) -> dict[Path, Surface]:
     if case.actual_skin is not None:
         surfaces[folder / "actual_skin.ply"] = case.actual_skin
     for place, bones in (("bones", case.bones), ("bones_after", case.bones_after)):
+        check_file_names(bones, f"write_case: {place}")
         for name, surface in bones.items():
-            if Path(name).name != name or name.startswith(".") or Path(f"{name}.ply").stem != name:
-                raise InputError(f"write_case: '{name}' must be a valid file name; rename the bone")
             surfaces[folder / place / f"{name}.ply"] = surface
     skins = [path for stem in ("skin", "actual_skin") for path in surface_files(folder, stem).values()]
     bones = [path for place in ("bones", "bones_after") for path in surface_files(folder / place).values()]

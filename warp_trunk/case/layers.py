@@ -14,6 +14,7 @@ from warp_trunk.engine.tissue import TISSUE_LIMITS, Tissue
 from warp_trunk.errors import InputError, nearest
 from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.file_access import MOST_SURFACE, FormatError, check_file, check_within, number, read_text
+from warp_trunk.io.file_names import path_in
 
 NAMES = ("skin", "fat", "muscle")
 """The layers from outside to inside; their numbers are the labels of tetrahedra. The last reaches to the bones
@@ -170,11 +171,11 @@ def read_layers(folder: Path, table: LayerTable, millimetres: float, vertices: i
     for name in THICKNESS:
         value = getattr(table, name)
         if isinstance(value, str):
-            check_within(folder, folder / value)
-            value = read_numbers(folder / value, vertices)
+            check_within(folder, path_in(folder, value))
+            value = read_numbers(path_in(folder, value), vertices)
         if value is not None:
             thickness[name] = millimetres * value
-    mesh = None if table.mesh is None else folder / table.mesh
+    mesh = None if table.mesh is None else path_in(folder, table.mesh)
     if mesh is not None:
         check_within(folder, mesh)
         check_file(mesh, "case.toml names it, layers.mesh; add it", MOST_SURFACE)

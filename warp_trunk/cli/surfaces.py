@@ -20,6 +20,7 @@ from warp_trunk.geometry.cutting import CutPlane, cut_bone
 from warp_trunk.geometry.surface_checks import enclosed_volume
 from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.file_access import check_place
+from warp_trunk.io.file_names import check_file_names
 from warp_trunk.io.surface_files import (
     check_written,
     in_lps,
@@ -230,9 +231,10 @@ class Cut:
         files = surface_files(self.case / "bones")
         if self.bone not in files:
             raise InputError(f"--bone: there is no '{self.bone}' in {self.case / 'bones'}; give one that is there")
+        check_file_names([*(name for name in files if name != self.bone), *self.names], "--names")
         for name in self.names:
-            if Path(name).name != name or name.startswith(".") or (name in files and name != self.bone):
-                raise InputError(f"--names: '{name}' is another bone, or cannot name a file; give another name")
+            if name in files and name != self.bone:
+                raise InputError(f"--names: '{name}' is another bone; give another name")
         size, file = MILLIMETRES[header.units], files[self.bone]
         x, y, z, a, b, c = self.plane
         plane = CutPlane((x / size, y / size, z / size), (a, b, c), self.radius / size)

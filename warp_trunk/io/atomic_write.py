@@ -6,6 +6,7 @@ import csv
 import errno
 import io
 import os
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,12 +25,28 @@ def complete(path: Path) -> None:
 
     It lies on the disk before, so that its own name never stands for less, even after a power cut.
     """
-    handle = os.open(partial(path), os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
-    os.replace(partial(path), path)
+    with partial(path).open("r+b") as file:  # Windows flushes only what can be written to
+        os.fsync(file.fileno())
+    replace(partial(path), path)
+
+
+def replace(source: Path, target: Path) -> None:
+    """Moves a file to the place of another. Windows refuses that while a program has the other open.
+
+    Raises:
+        PermissionError: a program still has it open after a second; scanners of files let go sooner.
+    """
+    for pause in (0.05, 0.2, 0.75, None):
+        try:
+            os.replace(source, target)
+            return
+        except PermissionError as error:
+            if getattr(error, "winerror", None) is None:
+                raise
+            if pause is None:
+                cure = f"{error.strerror}; close the program that has it open"
+                raise PermissionError(error.errno, cure, str(target)) from error
+        time.sleep(pause)
 
 
 @contextmanager

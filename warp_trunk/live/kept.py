@@ -13,6 +13,7 @@ from warp_trunk.case import Case
 from warp_trunk.case.folders import HEADER
 from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.errors import InputError
+from warp_trunk.io.file_names import check_file_names
 from warp_trunk.io.result_files import PLAN
 
 from .session import PlanView
@@ -58,6 +59,7 @@ class KeptPlans:
             raise InputError(
                 f"'{name[:MOST_NAME]}' cannot name a plan: use up to {MOST_NAME} letters, digits, '-', '_' and '.'"
             )
+        check_file_names([name], "plan")
         folder = self.folder / name
         with self._writing:
             if folder.exists():

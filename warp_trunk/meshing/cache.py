@@ -14,6 +14,7 @@ import platformdirs
 
 from warp_trunk.engine.trunk_mesh import TrunkMesh, check_trunk
 from warp_trunk.geometry.surface import Surface, digest, surface_digest
+from warp_trunk.io.atomic_write import replace
 from warp_trunk.system import limited_memory
 
 FORMAT = 5
@@ -61,7 +62,7 @@ def store_cached(key: str, trunk: TrunkMesh) -> None:
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=".making-") as folder:
             unfinished, names = Path(folder) / path.name, np.array(trunk.bone_names, dtype=str)
             np.savez(unfinished, allow_pickle=False, key=np.array(key), bone_names=names, **arrays)
-            os.replace(unfinished, path)
+            replace(unfinished, path)
     except OSError as error:
         warnings.warn(f"{path}: could not be kept for the next run ({error.strerror})", stacklevel=2)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,7 +19,7 @@ from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError, as_path
 from warp_trunk.geometry.surface import Surface, digest
-from warp_trunk.io.atomic_write import complete, named, partial
+from warp_trunk.io.atomic_write import complete, named, partial, replace
 from warp_trunk.io.file_access import read_text
 from warp_trunk.io.folders import locked, make_writable
 from warp_trunk.io.result_files import (
@@ -253,7 +252,7 @@ def write_result(folder: Path, result: Result) -> None:
         if ours:  # others are the user's
             picture.unlink()
     if recording is not None:
-        os.replace(kept, folder / RECORDING)
+        replace(kept, folder / RECORDING)
     for name in (TRUNK, *written):
         complete(folder / name)
     result.saved_in, result.recording = folder, None if recording is None else folder / RECORDING

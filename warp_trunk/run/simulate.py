@@ -23,6 +23,7 @@ from warp_trunk.case.tissue_file import with_constants
 from warp_trunk.engine.parallel import choose_device, choose_threads
 from warp_trunk.errors import InputError, expect
 from warp_trunk.io.atomic_write import partial
+from warp_trunk.io.file_names import check_file_names
 from warp_trunk.io.folders import locked, removed_if_empty
 from warp_trunk.io.result_files import RECORDING
 from warp_trunk.measures import measure
@@ -179,6 +180,8 @@ def _several(
     cases = {name: planned_case(case, surgery, name) for name, surgery in surgeries.items()}
     found = [*warnings, *check_patient(next(iter(cases.values())))]
     checked = {name: list(dict.fromkeys([*found, *check_surgery(one)])) for name, one in cases.items()}
+    if folder is not None:
+        check_file_names(plans, "plans")
     places = {name: None if folder is None else folder / name for name in plans}
     for place in filter(None, places.values()):
         with removed_if_empty(place):
