@@ -20,6 +20,7 @@ from warp_trunk.case.anatomy import rank
 from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks
 from warp_trunk.case.motion_checks import check_motions, check_passing
 from warp_trunk.case.motions import Motion, Turn, rigid_motions
+from warp_trunk.errors import InputError
 from warp_trunk.run.patient import motions_of
 from warp_trunk.spine import cobb_angles
 from warp_trunk.spine.apical import axial_rotation
