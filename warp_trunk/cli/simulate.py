@@ -167,13 +167,14 @@ DEMO_MESH = MeshOptions(tets=90_000, radius_edge_ratio=1.5)
 
 @dataclass(frozen=True, kw_only=True)
 class Demo:
-    """Simulate the built-in case, a synthetic trunk with a thoracic scoliosis; needs no file."""
+    """Simulate the built-in case, a synthetic trunk with a thoracic scoliosis, fused from T4 to L1; needs no
+    file."""
 
     common: ClassVar[frozenset[str]] = COMMON
     out: Path = Path("results/demo")
     """Result folder."""
     options: Annotated[RunOptions, tyro.conf.arg(name="")] = field(
-        default_factory=lambda: RunOptions(mesh=DEMO_MESH, simulation=SimulationOptions(increments=5))
+        default_factory=lambda: RunOptions(mesh=DEMO_MESH, simulation=SimulationOptions(increments=5), bands=True)
     )
     """The physics and the discretisation."""
     execution: Annotated[Execution, tyro.conf.arg(name="")] = field(default_factory=Execution)
@@ -181,6 +182,7 @@ class Demo:
 
     def run(self) -> int:
         """Simulate the synthetic trunk and print how to look at the result."""
+        from warp_trunk.bone_motion.plan import CurvePlan, Plan
         from warp_trunk.preparation.phantom import phantom_case  # no other command of this file needs it
 
         options = self.options
@@ -189,5 +191,6 @@ class Demo:
         with Progress() as progress:
             with progress.stage("load", "making the synthetic trunk"):
                 case = phantom_case()
-            result = simulate(case, None, options, self.execution, folder=self.out, progress=progress, warnings=())
+            plan = Plan(uiv="T4", liv="L1", curves=(CurvePlan("T8", correction=0.65, derotation=0.4),))
+            result = simulate(case, plan, options, self.execution, folder=self.out, progress=progress, warnings=())
         return report_ending(result)

@@ -12,10 +12,20 @@ import numpy as np
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.section import at_height, section, trunk_loop, turn
 from warp_trunk.geometry.surface import Surface, compact
-from warp_trunk.spine.spine import asis_axis, spine_of
+from warp_trunk.spine.spine import SacralLine, asis_axis, sacral_line, spine_of
 
 from .back_rotation import DualTangent, contacts_beside, hump_height, hump_top, tangent_of
-from .outlines import DEEP, Shoulders, shoulder_heights, upper_outline
+from .outlines import (
+    DEEP,
+    SHALLOW,
+    TOP,
+    Shoulders,
+    Silhouette,
+    hollows,
+    shoulder_heights,
+    silhouette_of,
+    upper_outline,
+)
 from .scoliometer import pedicle_turns, scoliometer_on, slope_between
 
 Number = Callable[[Surface, Landmarks], float]
@@ -24,6 +34,9 @@ STEP = 1e-5
 """How far a vertex or landmark is moved [mm]."""
 _NEAREST = 8
 """Edges of the section, each counted for both of its triangles, among which are those around a point."""
+_ILIAC = ("asis_left", "asis_right")
+_SACRAL = ("S1_", "sacrum_", "L5_inferior_endplate")
+"""Landmarks of the sacral line."""
 _MARGIN = 1.0
 """Triangles this near to a plane [mm] stay those that matter as landmarks move."""
 
@@ -151,6 +164,61 @@ def shoulder_derivative(skin: Surface, landmarks: Landmarks, shoulders: Shoulder
     return _by_differences(difference, shoulders.difference, skin, landmarks, kept, touched, rows)
 
 
+def waist_derivatives(skin: Surface, landmarks: Landmarks) -> dict[str, Derivative]:
+    """How much deeper and higher the right waist is [mm], and how that changes; empty where it is missing, or
+    where a side has no hollow.
+
+    Args:
+        skin: the surface to measure [mm].
+        landmarks: those that go with it [mm].
+
+    Returns:
+        By quantity.
+    """
+
+    def outline_of(marks: Landmarks) -> tuple[Silhouette | None, SacralLine, float]:
+        line = sacral_line(marks)
+        pelvis = float(np.mean([marks.point(name)[2] for name in _ILIAC]))
+        return silhouette_of(skin, spine_of(marks), line, pelvis), line, pelvis
+
+    def numbers(heights: np.ndarray, widths: np.ndarray, pelvis: float) -> np.ndarray:
+        waist = hollows(heights, widths, pelvis)
+        return np.array([waist.depth_difference, waist.height_difference])
+
+    outline, line, pelvis = outline_of(landmarks)
+    if outline is None:
+        return {}
+    heights, widths = outline.heights, outline.widths
+    waist = hollows(heights, widths, pelvis)
+    if min(waist.left_depth, waist.right_depth) <= SHALLOW:
+        return {}
+    values = numbers(heights, widths, pelvis)
+    by_vertex = np.zeros((2, *skin.vertices.shape))
+    for side, row in product(range(2), range(len(heights))):
+        moved = widths.copy()
+        moved[side, row] += STEP
+        by_width = (numbers(heights, moved, pelvis) - values) / STEP * (1.0 if side == 0 else -1.0)
+        edge = outline.edges[side, row]
+        (a, b), (z_a, z_b) = (skin.vertices[edge, :2] - line.point) @ line.across, skin.vertices[edge, 2]
+        share = (heights[row] - z_a) / (z_b - z_a)
+        for vertex, part in zip(edge, (1.0 - share, share), strict=True):
+            along = [*(part * line.across), -part * (b - a) / (z_b - z_a)]  # the cut moves along the edge
+            by_vertex[:, vertex] += by_width[:, None] * along
+    by_landmark = np.zeros((2, *landmarks.points.shape))
+    for row, axis in product(range(len(landmarks.points)), range(3)):
+        if not landmarks.names[row].startswith((TOP, *_SACRAL, *_ILIAC)):
+            continue
+        points = landmarks.points.copy()
+        points[row, axis] += STEP
+        there, _, level = outline_of(replace(landmarks, points=points))
+        if there is not None and len(there.heights) == len(heights):
+            by_landmark[:, row, axis] = (numbers(there.heights, there.widths, level) - values) / STEP
+    return {
+        name: Derivative(float(values[i]), by_vertex[i], by_landmark[i])
+        for i, name in enumerate(("waist_depth_mm", "waist_height_mm"))
+    }
+
+
 def _cut(skin: Surface, height: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Which triangles are near a horizontal plane, the edges (n, 2) that it cuts, and where, (n, 2) [mm]."""
     z = skin.vertices[:, 2]
@@ -183,7 +251,7 @@ def _by_differences(
 
     for vertex, axis in product(np.unique(vertices).tolist(), range(3)):
         found.vertices[vertex, axis] = slope([int(np.searchsorted(used, vertex))], axis, part.vertices, True)
-    spines = [landmarks.index(name) for name in ("asis_left", "asis_right")]
+    spines = [landmarks.index(name) for name in _ILIAC]
     for together, axis in product([*groups, spines[:1], spines[1:]], range(3)):
         found.landmarks[together, axis] = slope(together, axis, landmarks.points, False) / len(together)
     return found

@@ -23,9 +23,19 @@ from warp_trunk.spine.cobb import (
 )
 from warp_trunk.spine.spine import SacralLine, Spine, TrunkShift, sacral_line, spine_of, trunk_length, trunk_shift
 
-from .back_rotation import DualTangent, hump_height, tangents_of
+from .back_rotation import DualTangent, hump_height, hump_top, tangents_of
 from .levels import largest_at
-from .outlines import FlankAsymmetry, Shoulders, Waist, flank_asymmetry, outlines_of, shoulder_heights, waist_of
+from .outlines import (
+    FlankAsymmetry,
+    Shoulders,
+    Waist,
+    flank_asymmetry,
+    outlines_of,
+    shoulder_heights,
+    silhouette_of,
+    upper_outline,
+    waist_of,
+)
 from .scoliometer import slopes_of
 
 if TYPE_CHECKING:
@@ -81,6 +91,10 @@ class TrunkMeasures:
     """Largest displacement of a skin vertex from the skin compared with [mm]; None if there was none."""
     skin_change_mean: float | None = None
     """Mean of the same over the vertices [mm]."""
+    unseen_humps: frozenset[str] = frozenset()
+    """Levels at which the hump is on skin that was not measured."""
+    unseen_flanks: frozenset[str] = frozenset()
+    """Levels at which a flank is."""
     missing: dict[str, str] = field(default_factory=dict)
     """Why a measure is missing, by level or by the name of the measure."""
 
@@ -107,7 +121,10 @@ class TrunkMeasures:
     @cached_property
     def hump_height(self) -> dict[str, float | None]:
         """Height of the hump [mm] by level, positive on the right, see `hump_height`; None where missing."""
-        return {level: None if t is None else hump_height(t) for level, t in self.tangents.items()}
+        return {
+            level: None if t is None or level in self.unseen_humps else hump_height(t)
+            for level, t in self.tangents.items()
+        }
 
     @property
     def max_hump(self) -> float | None:
@@ -124,7 +141,7 @@ class TrunkMeasures:
         """Widths to either side of the sacral line by level, see `flank_asymmetry`; None where missing."""
         return {
             level: None
-            if outline is None or self.sacral_line is None
+            if outline is None or self.sacral_line is None or level in self.unseen_flanks
             else flank_asymmetry(outline, self.sacral_line)
             for level, outline in self.outlines.items()
         }
@@ -170,6 +187,8 @@ def measure(
             )
         moved = skin.vertices - before.vertices
         change = np.sqrt(np.einsum("vi,vi->v", moved, moved))
+        if unseen is not None:
+            change = change[np.asarray(unseen) < 0.5]
         found = replace(found, skin_change_max=float(change.max()), skin_change_mean=float(change.mean()))
     line, spine = found.sacral_line, found.spine
     if line is None:
@@ -188,7 +207,7 @@ def measure(
     missing |= found.missing
     if shoulders is None:
         missing["shoulders"] = "no skin on both sides of T1" if "T1" in spine.levels else "no landmarks of T1"
-    return replace(
+    found = replace(
         found,
         outlines=outlines,
         tangents=tangents,
@@ -197,6 +216,51 @@ def measure(
         shoulders=shoulders,
         missing=missing,
     )
+    if unseen is None or seen is None:
+        return found
+    return _on_seen_skin(found, skin, np.asarray(unseen) > 0.5, seen, float(pelvis))
+
+
+INVENTED = "it is on skin that was not measured"
+"""Why a measure is missing that is there on an invented part of the skin."""
+
+
+def _on_seen_skin(
+    found: TrunkMeasures, skin: Surface, unseen: np.ndarray, seen: dict[str, np.ndarray], pelvis: float
+) -> TrunkMeasures:
+    """The measures without those that lie on skin that was not measured.
+
+    Hump and flanks of a level need all their points on measured skin; waist and shoulders, which are of many
+    places, most of them.
+
+    Args:
+        found: the measures; the tangents are those of the measured back already.
+        skin: the skin [mm].
+        unseen: which of its vertices were not measured, bool, shape (vertices,).
+        seen: which points of the outline of each level were, bool, shape (points,).
+        pelvis: height of the iliac spines [mm].
+    """
+    line, missing, humps, flanks = found.sacral_line, dict(found.missing), set[str](), set[str]()
+    for level, outline in found.outlines.items():
+        if outline is None or line is None:
+            continue
+        across = outline @ line.across
+        if not seen[level][[across.argmax(), across.argmin()]].all():
+            flanks.add(level)
+        tangent = found.tangents.get(level)
+        top = None if tangent is None else hump_top(tangent)
+        for place in () if top is None else top[1]:
+            if not seen[level][np.square(outline - place).sum(axis=1).argmin()]:
+                humps.add(level)
+    waist, shoulders = found.waist, found.shoulders
+    silhouette = None if line is None else silhouette_of(skin, found.spine, line, pelvis)
+    if silhouette is not None and unseen[silhouette.edges].mean() > 0.5:
+        waist, missing["waist"] = None, INVENTED
+    upper = None if line is None else upper_outline(skin, found.spine, line.across)
+    if upper is not None and unseen[upper.ends].mean() > 0.5:
+        shoulders, missing["shoulders"] = None, INVENTED
+    kept = {"waist": waist, "shoulders": shoulders, "missing": missing}
+    return replace(found, unseen_humps=frozenset(humps), unseen_flanks=frozenset(flanks), **kept)
 
 
 def _seen_points(

@@ -81,6 +81,8 @@ BELOW = 40.0
 """... to this far below the iliac spines, where the hips are wide [mm]."""
 STEP = 8.0
 """Distance of the heights at which it is taken [mm]."""
+SHALLOW = 1.0
+"""A side whose outline is straight to within this has no hollow, and no height of one [mm]."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,7 @@ class Waist:
     """The same on the right [mm]."""
     left_height: float
     """Height of the hollow on the left above the iliac spines, its mean by the square of its depth [mm]: the
-    deepest point alone jumps along a long hollow."""
+    deepest point alone jumps along a long hollow; 0 without a hollow (`SHALLOW`)."""
     right_height: float
     """The same on the right [mm]."""
     left_angle: float
@@ -125,6 +127,45 @@ class Waist:
         return self.right_height - self.left_height
 
 
+@dataclass(frozen=True, eq=False)
+class Silhouette:
+    """The outline of the trunk from behind, from the hips to `TOP`."""
+
+    heights: np.ndarray
+    """Where it is taken [mm], shape (heights,)."""
+    widths: np.ndarray
+    """How far the skin reaches to the left and to the right of the sacral line there [mm], shape (2, heights)."""
+    edges: np.ndarray
+    """The two vertices of the edge that reaches so far, shape (2, heights, 2)."""
+
+
+def silhouette_of(skin: Surface, spine: Spine, line: SacralLine, pelvis: float) -> Silhouette | None:
+    """The silhouette for `waist_of`, with the same arguments; None where it is missing."""
+    if TOP not in spine.levels:
+        return None
+    top = spine.centroids[spine.levels.index(TOP), 2]
+    heights = np.arange(max(pelvis - BELOW, skin.vertices[:, 2].min() + 1.0), top, STEP)
+    if len(heights) < 5 or heights[0] > pelvis:
+        return None
+    aside, z = (skin.vertices[:, :2] - line.point) @ line.across, skin.vertices[:, 2]
+    start, end = directed_edges(skin.faces)
+    above = np.searchsorted(heights, z)  # the first height that is not below each vertex
+    low, high = np.minimum(above[start], above[end]), np.maximum(above[start], above[end])
+    cut = np.flatnonzero(low < high)
+    count = (high - low)[cut]
+    edge = np.repeat(cut, count)
+    row = np.repeat(low[cut] - np.cumsum(count) + count, count) + np.arange(count.sum())
+    a, b = start[edge], end[edge]
+    there = aside[a] + (heights[row] - z[a]) / (z[b] - z[a]) * (aside[b] - aside[a])
+    if len(np.unique(row)) < len(heights):  # no skin at a height
+        return None
+    orders = [np.lexsort((side, row)) for side in (there, -there)]
+    outer = np.array(
+        [order[np.searchsorted(row[order], np.arange(len(heights)), "right") - 1] for order in orders]
+    )
+    return Silhouette(heights, there[outer] * [[1.0], [-1.0]], np.stack([a[outer], b[outer]], axis=2))
+
+
 def waist_of(skin: Surface, spine: Spine, line: SacralLine, pelvis: float) -> Waist | None:
     """Depth and height of the waist on either side.
 
@@ -146,31 +187,16 @@ def waist_of(skin: Surface, spine: Spine, line: SacralLine, pelvis: float) -> Wa
     Returns:
         None without T8, or where the skin ends above the hips.
     """
-    if TOP not in spine.levels:
-        return None
-    top = spine.centroids[spine.levels.index(TOP), 2]
-    heights = np.arange(max(pelvis - BELOW, skin.vertices[:, 2].min() + 1.0), top, STEP)
-    if len(heights) < 5 or heights[0] > pelvis:
-        return None
-    aside, z = (skin.vertices[:, :2] - line.point) @ line.across, skin.vertices[:, 2]
-    start, end = directed_edges(skin.faces)
-    above = np.searchsorted(heights, z)  # the first height that is not below each vertex
-    low, high = np.minimum(above[start], above[end]), np.maximum(above[start], above[end])
-    cut = np.flatnonzero(low < high)
-    count = (high - low)[cut]
-    edge = np.repeat(cut, count)
-    row = np.repeat(low[cut] - np.cumsum(count) + count, count) + np.arange(count.sum())
-    a, b = start[edge], end[edge]
-    there = aside[a] + (heights[row] - z[a]) / (z[b] - z[a]) * (aside[b] - aside[a])
-    widths = np.full((2, len(heights)), -np.inf)
-    for width, side in zip(widths, (there, -there), strict=True):
-        np.maximum.at(width, row, side)
-    if not np.isfinite(widths).all():  # no skin at a height
-        return None
+    outline = silhouette_of(skin, spine, line, pelvis)
+    return None if outline is None else hollows(outline.heights, outline.widths, pelvis)
+
+
+def hollows(heights: np.ndarray, widths: np.ndarray, pelvis: float) -> Waist:
+    """The waist of a silhouette, see `Silhouette` and `waist_of`."""
     hulls = [(width, upper_hull(heights, width)) for width in widths]
     gaps = np.transpose([np.interp(heights, heights[hull], width[hull]) - width for width, hull in hulls])
-    weights = np.square(gaps).sum(axis=0)
-    left, right = np.divide((heights - pelvis) @ np.square(gaps), weights, out=np.zeros(2), where=weights > 0.0)
+    weights, hollow = np.square(gaps).sum(axis=0), gaps.max(axis=0) > SHALLOW
+    left, right = np.divide((heights - pelvis) @ np.square(gaps), weights, out=np.zeros(2), where=hollow)
     deepest = gaps.argmax(axis=0)
     angles = [_angle_at(int(row), heights, width) for row, width in zip(deepest, widths, strict=True)]
     rows = np.arange(2), deepest

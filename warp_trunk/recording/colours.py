@@ -20,6 +20,8 @@ TEXT = (125, 125, 125)
 """Of labels. It and the three above can be read on a dark and on a light ground: the reader chooses the theme."""
 _RISING = np.array([(255, 246, 222), (253, 187, 132), (227, 74, 51), (127, 0, 0)])
 """Pale over red to dark red; the lightness falls all the way, for every kind of colour vision."""
+STRIPED, STRIPES = (205, 205, 205), 40.0
+"""Colour in which skin that was not measured is striped beside grey, and the width of a pair of stripes [mm]."""
 PIXEL = 4.0
 """The two sides of a back are compared at places this far apart [mm]."""
 Paint = Callable[[Surface, Landmarks], np.ndarray]
@@ -41,7 +43,11 @@ def hump_paint(case: Case, before: TrunkMeasures) -> tuple[Paint, float]:
     def paint(skin: Surface, landmarks: Landmarks) -> np.ndarray:
         difference, part = first if skin is case.skin else differences(skin, landmarks)
         step = (len(palette) * np.clip((difference / limit + 1.0) / 2.0, 0.0, 0.999)).astype(int)
-        return np.round(SKIN + part[:, None] * (palette[step] - SKIN)).astype(np.uint8)
+        colours = SKIN + part[:, None] * (palette[step] - SKIN)
+        if case.unseen is not None and len(case.unseen) == len(colours):
+            stripe = (skin.vertices[:, [0, 2]].sum(axis=1) % STRIPES < 0.5 * STRIPES)[:, None]
+            colours = np.where(case.unseen[:, None], np.where(stripe, STRIPED, GREY), colours)
+        return np.round(colours).astype(np.uint8)
 
     return paint, limit
 

@@ -91,7 +91,7 @@ def convergence_plot(summary: Summary) -> Figure:
     return figure
 
 
-COLUMNS, POINTS = 4, 120
+COLUMNS, POINTS = 4, 90
 """Columns of sections, and how many points of an outline are drawn."""
 SCALE = 100.0
 """Length of the bar in the first section [mm]."""

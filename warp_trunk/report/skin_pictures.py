@@ -78,6 +78,7 @@ def back_picture(
         lines(axes, seen, np.ma.masked_where(steep, back.depth), levels.tolist(), "solid")
     if doubtful is not None:
         hatch(plots[1], seen, reliefs[1].values(doubtful))
+    hatch_invented(plots, poses, reliefs, seen)
     return figure
 
 
@@ -86,6 +87,15 @@ def hatch(axes: Axes, seen: Window, doubtful: np.ndarray) -> None:
     with rc_context({"hatch.linewidth": 0.8, "hatch.color": INK}):
         inside = np.nan_to_num(doubtful[::2, ::2])
         axes.contourf(seen.x[::2], seen.z[::2], inside, [0.5, 2.0], colors="none", hatches=["////"])
+
+
+def hatch_invented(
+    plots: Sequence[Axes], poses: Sequence[TrunkState], reliefs: Sequence[Relief], seen: Window
+) -> None:
+    """Hatch the skin of every pose that was not measured."""
+    for axes, pose, one in zip(plots, poses, reliefs, strict=False):
+        if pose.unseen is not None:
+            hatch(axes, seen, np.where(one.cloth == 0, np.nan_to_num(one.values(pose.unseen)), 0.0))
 
 
 def lines(axes: Axes, seen: Window, values: np.ma.MaskedArray, levels: Sequence[float], style: str) -> None:
@@ -109,12 +119,15 @@ def plain_picture(
             skin = np.nan_to_num(np.stack([one.values(band / 255.0) for band in own.T], axis=2))
         part = None if unseen is None else np.nan_to_num(one.values(unseen))
         images.append(shaded(one, GREY, part, skin))
-    return panels(headings, seen.extent, view, images)
+    figure, plots = panels(headings, seen.extent, view, images)
+    hatch_invented(plots, poses, reliefs, seen)
+    return figure, plots
 
 
 def shoulders_picture(poses: Sequence[TrunkState]) -> Figure | None:
-    """The upper trunk of every pose from the front, with the heights of its shoulders; None without T1."""
-    if any("T1" not in pose.landmarks.vertebrae() for pose in poses):
+    """The upper trunk of every pose from the front, with the heights of its shoulders; None without T1, or where
+    the front was not measured."""
+    if any("T1" not in pose.landmarks.vertebrae() or pose.unseen is not None for pose in poses):
         return None
     tops = [seen_from(pose.landmarks.of_bone("T1").points, pose.landmarks, FRONT).mean(axis=0) for pose in poses]
     figure, plots = plain_picture(poses, FRONT, min(z for _, _, z in tops) - BUST)
@@ -158,6 +171,7 @@ def stretch_picture(pose: TrunkState, change: SkinChange, view: Viewpoint) -> Fi
         colours="YlOrRd", norm=norm, label="length over that before", ticks=[1.25, STRETCH, 1.45],
     )  # fmt: skip
     hatch(axes, seen, doubtful)
+    hatch_invented([axes], [pose], [skin], seen)
     return figure
 
 
@@ -181,7 +195,9 @@ def sure_picture(pose: TrunkState, skin_sd: np.ndarray | None) -> Figure | None:
     values = back.values(skin_sd)
     norm = BoundaryNorm(np.arange(max(2.0, float(np.ceil(np.nanmax(values)))) + 1.0), 256)
     part, label = 0.9 * np.isfinite(values), "standard deviation [mm]"
-    return coloured(pose, seen, BEHIND, back, values, part, colours="YlOrBr", norm=norm, label=label)[0]
+    figure, axes = coloured(pose, seen, BEHIND, back, values, part, colours="YlOrBr", norm=norm, label=label)
+    hatch_invented([axes], [pose], [back], seen)
+    return figure
 
 
 def values_picture(
@@ -231,7 +247,8 @@ def hump_picture(
         lines(axes, seen, compared, (-steps[::-1]).tolist(), "dashed")
         axes.plot(*back.spine.T, "o-", color=INK, markersize=1.8, linewidth=0.7)
         for hump in humps_of(pose):
-            _ring(axes, pose, back, hump)
+            _ring(axes, pose, back, hump, poses[0].number("hump_mm", hump.level))
+    hatch_invented(plots, poses, reliefs, seen)
     ticks = np.arange(-limit, limit + 1.0, 10.0 if limit <= 40.0 else 20.0)
     bar = figure.colorbar(ScalarMappable(norm, colours), cax=plots[-1], orientation="horizontal", ticks=ticks)
     bar.ax.set_xlabel("difference from the other side of the back [mm]", fontsize=8.5)
@@ -240,8 +257,9 @@ def hump_picture(
     return figure
 
 
-def _ring(axes: Axes, pose: TrunkState, back: Relief, hump: Measured) -> None:
+def _ring(axes: Axes, pose: TrunkState, back: Relief, hump: Measured, before: float | None) -> None:
     """Ring the two places of a hump and write its height and level beside the one that stands further back."""
+    words = f"{abs(hump.value or 0.0):.0f} mm" if is_known(QUANTITIES["hump_mm"], hump, before) else NOT_KNOWN
     tangent, z = pose.measures.tangents[hump.level], back.spine[pose.landmarks.vertebrae().index(hump.level)][1]
     top, height = None if tangent is None else hump_top(tangent), hump.value
     assert top is not None
@@ -251,6 +269,6 @@ def _ring(axes: Axes, pose: TrunkState, back: Relief, hump: Measured) -> None:
         axes.plot(places, [z, z], "o", ms=7.0, mfc="none", mec=edge, mew=thick)
     axes.text(
         places[0 if height > 0.0 else 1] - np.copysign(14.0, height), z + 20.0,
-        f"{hump.level}: {abs(height):.0f} mm", ha="center", va="center", fontsize=10, fontweight="bold",
+        f"{hump.level}: {words}", ha="center", va="center", fontsize=10, fontweight="bold",
         color=INK, path_effects=[withStroke(linewidth=2.5, foreground="white")],
     )  # fmt: skip

@@ -67,6 +67,7 @@
     for (let axis = 0; axis < 3; axis++)
       numbers(skin.count).forEach((c, i) => { skin.colour[3 * i + axis] = c / 255; });
   }
+  if (info.invented) skin.inside = Float32Array.from(numbers(skin.count));
 
   const vertexShader = `#version 300 es
     in vec3 a, b, na, nb, colour; in vec2 ha, hb; in float inside;
@@ -81,7 +82,7 @@
   const fragmentShader = `#version 300 es
     precision highp float;
     in vec3 normal, own; in vec2 hump; in float edge;
-    uniform int material, whole; uniform float showHump, limit; uniform vec3 palette[${info.palette.length / 3}];
+    uniform int material, whole, invented; uniform float showHump, limit; uniform vec3 palette[${info.palette.length / 3}];
     out vec4 colour;
     void main() {
       vec3 n = normalize(normal), base;
@@ -90,11 +91,14 @@
         base = own;
         int step = int(clamp((hump.x / limit + 1.0) * 0.5, 0.0, 0.999) * float(palette.length()));
         base = mix(base, palette[step], showHump * hump.y);
+        if (edge > 0.5) base = vec3(0.62);
       } else {
         base = material == 1 ? vec3(0.36, 0.42, 0.48) : vec3(0.62, 0.71, 0.78);
         if (whole == 0) seen = clamp(edge / max(fwidth(edge), 1e-4) + 0.5, 0.0, 1.0);
         if (seen < 0.01) discard;
       }
+      bool guessed = invented == 1 && (material == 2 || (material == 0 && edge > 0.5));  // hatched, as in the pictures
+      if (guessed && mod(gl_FragCoord.x + gl_FragCoord.y, 12.0) < 2.0) base = vec3(0.13);
       float light = gl_FrontFacing ? clamp(dot(n, vec3(0.0, 0.57, 0.82)), 0.0, 1.0) : 0.6;  // the inside of cloth is even
       colour = vec4((vec3(0.36, 0.33, 0.31) + vec3(0.64, 0.67, 0.69) * light) * base, seen);
     }`;
@@ -138,6 +142,7 @@
   gl.clearColor(1, 1, 1, 1);
   gl.uniform3fv(uniform('palette'), info.palette);
   gl.uniform1f(uniform('limit'), info.limit);
+  gl.uniform1i(uniform('invented'), info.invented ? 1 : 0);
 
   // Patient axes: +x left, +y back, +z up. Yaw 0 is seen from behind, a quarter more from the patient's right.
   const view = {yaw: 0, pitch: 0}, look = {hump: false, shirt: false, bare: false, wipe: false, own: true};

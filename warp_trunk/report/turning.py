@@ -59,6 +59,7 @@ def turning(
     palette: np.ndarray,
     limit: float,
     colours: np.ndarray | None = None,
+    unseen: np.ndarray | None = None,
     bare: bool = False,
 ) -> Turning:
     """Pack states that share their triangles.
@@ -69,6 +70,7 @@ def turning(
         palette: colours of the hump from -limit to limit, 0 to 1, shape (steps, 3).
         limit: end of the scale of the hump [mm].
         colours: of each vertex of the skin, uint8, shape (vertices, 3); grey when left out.
+        unseen: 1 for each vertex that was not measured, which is hatched, shape (vertices,); None where all were.
         bare: whether the page offers to take the clothes off.
     """
     cloth, count = cloth_faces(), len(states[0].skin)
@@ -89,6 +91,8 @@ def turning(
     packed.append(np.round(10.0 * open_back().ravel()))
     if colours is not None:
         packed += list(colours[order].T)
+    if unseen is not None:
+        packed.append(np.round(unseen[order]))
     data = zlib.compress(b"".join(map(_folded, packed)), 9)
     info = {
         "states": [state.name for state in states],
@@ -103,6 +107,7 @@ def turning(
         "palette": np.round(palette, 4).ravel().tolist(),
         "limit": limit,
         "coloured": colours is not None,
+        "invented": unseen is not None,
     }
     return Turning(info, base64.b64encode(data).decode(), bare)
 

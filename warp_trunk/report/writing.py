@@ -20,8 +20,9 @@ from warp_trunk.io.folders import make_writable
 from warp_trunk.io.result_files import PAGE, PICTURES, picture_source
 from warp_trunk.measures import compare_skins
 from warp_trunk.measures.part import agreement
-from warp_trunk.measures.quantities import LIKELY, Measured, MeasureTable, measured
+from warp_trunk.measures.quantities import LIKELY, QUANTITIES, Measured, MeasureTable, measured
 from warp_trunk.measures.skin_quality import skin_change
+from warp_trunk.measures.verdicts import is_known
 from warp_trunk.views.hump import hump_on_vertices, hump_palette, painted_difference
 from warp_trunk.views.relief import BEHIND, FRONT, RIGHT, in_pelvis
 
@@ -82,7 +83,9 @@ def _whole(result: Result, folder: Path, bare: bool) -> str:
     if quality is not None and quality.faults:
         doubtful = skins.at_vertices(result.skin, change.doubtful.astype(np.float64))
     more, hump = [], poses[1].main("main_hump_mm")
-    if result.effects is not None and hump is not None and result.converged:
+    was = None if hump is None else poses[0].number("main_hump_mm", hump.level)
+    known = hump is not None and is_known(QUANTITIES["main_hump_mm"], hump, was)
+    if result.effects is not None and hump is not None and known and result.converged:
         more = _likely(poses, result, result.effects.likely_worse, hump)
     figures, trunk = _backs(poses, doubtful, more, bare=bare)
     fused = [(), () if plan is None else fused_levels(plan)]
@@ -119,7 +122,7 @@ def _likely(poses: Sequence[TrunkState], result: Result, worse: np.ndarray, hump
         skin = predicted.skin.moved(predicted.skin.vertices + sign * worse)
         measures = result.states[look.title]
         table = MeasureTable(measured(look.state, measures, before.measures))
-        found.append(TrunkState(look, skin, predicted.landmarks, measures, table))
+        found.append(TrunkState(look, skin, predicted.landmarks, measures, table, predicted.unseen))
     better, own, worst = (
         abs(one.measures.hump_height.get(hump.level) or 0.0) for one in (found[0], predicted, found[1])
     )
@@ -229,7 +232,13 @@ def _backs(
             places = in_pelvis(skin.vertices, pose.landmarks)
             states.append(TurningState(pose.look.heading, places, cloth.reshape(pose.worn.cloth.shape), *hump))
     trunk = turning(
-        states, first.faces, palette=hump_palette(limit), limit=limit, colours=first.colours, bare=bare
+        states,
+        first.faces,
+        palette=hump_palette(limit),
+        limit=limit,
+        colours=first.colours,
+        unseen=poses[0].unseen,
+        bare=bare,
     )
 
     def humps(rows: Sequence[int]) -> Figure:

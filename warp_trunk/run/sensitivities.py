@@ -26,6 +26,7 @@ from warp_trunk.measures.derivatives import (
     rotation_derivative,
     shoulder_derivative,
     slope_derivative,
+    waist_derivatives,
 )
 from warp_trunk.meshing.layers import thickness_derivatives
 
@@ -70,7 +71,7 @@ class Sensitivity:
 def sensitivities(
     prediction: Prediction, *, all_humps: bool = False, linear: Linearization | None = None
 ) -> tuple[Sensitivity, ...]:
-    """Sensitivities of the back surface rotation of each level, the main hump and the shoulders.
+    """Sensitivities of the back surface rotation of each level, the main hump, the shoulders and the waist.
 
     One linear solve with the true curvature of the energy gives the derivative of one number in everything (its
     adjoint, see `Linearization`); no simulation is repeated. Derivatives hold for small changes; beyond some mm a
@@ -114,13 +115,15 @@ def numbers_of(prediction: Prediction, *, all_humps: bool = False) -> dict[tuple
         for level, tangent in tangents.items()
     }
     for level, tangent in tangents.items():
-        if all_humps or level in humps:
+        if (all_humps or level in humps) and measured.hump_height[level] is not None:
             found["hump_mm", level] = hump_derivative(skin, landmarks, level, tangent)
     for level in SCOLIOMETER:
         if level in tangents and (slope := measured.slopes.get(level)) is not None:
             found["atr_deg", level] = slope_derivative(skin, landmarks, level, slope)
     if measured.shoulders is not None:
         found["shoulder_difference_mm", ""] = shoulder_derivative(skin, landmarks, measured.shoulders)
+    if measured.waist is not None:
+        found |= {(name, ""): number for name, number in waist_derivatives(skin, landmarks).items()}
     return {name: number for name, number in found.items() if number is not None}
 
 
