@@ -105,7 +105,7 @@ ROWS: list[tuple[Any, ...]] = [
      "not probabilities"),
     ("not finite", values(lambda v: np.where(v > 0, np.nan, 0.0)), "labels are whole numbers", "nan"),
     ("a CT instead", values(lambda v: v.astype(np.int16) - 1000), "it holds -1000", "that is --ct"),
-    ("labels with a scale", field("scl_slope", 0.5), "labels have no scale"),
+    ("labels with a scale that leaves no whole numbers", field("scl_slope", 0.3), "labels are whole numbers"),
     ("nothing but zeros", values(np.zeros_like), TABLE, "none of its labels is a bone"),
     ("no bone of the trunk", values(lambda v: np.where(v > 0, NUMBERS["humerus_left"], 0).astype(v.dtype)), TABLE,
      "no bone of the trunk among the labels (humerus_left)"),

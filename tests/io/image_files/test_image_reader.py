@@ -1,6 +1,7 @@
 """NIfTI and NRRD files and folders of DICOM, whichever way their axes run."""
 
 import locale
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -113,7 +114,11 @@ FEET_FIRST = UPRIGHT @ np.diag([1.0, 1.0, -1.0, 1.0])
 
 
 def write_series(
-    folder: Path, affine: np.ndarray = UPRIGHT, modality: str = "CT", series: str = "1.2.3.1"
+    folder: Path,
+    affine: np.ndarray = UPRIGHT,
+    modality: str = "CT",
+    series: str = "1.2.3.1",
+    shift: Callable[[int], tuple[float, ...]] = lambda k: (0.0, 0.0, 0.0),
 ) -> Path:
     """SLICES with an intercept, the files named so that files are not in the order of their slices."""
     folder.mkdir(exist_ok=True)
@@ -123,7 +128,7 @@ def write_series(
     sides = np.linalg.norm(affine[:3, :2], axis=0)
     axes = affine[:3, :2] / sides
     for k in range(SLICES.shape[2]):
-        place = affine[:3] @ [0.0, 0.0, k, 1.0]
+        place = affine[:3] @ [0.0, 0.0, k, 1.0] + shift(k)
         slice_ = SimpleITK.GetImageFromArray(np.ascontiguousarray(SLICES[:, :, k : k + 1].T))
         slice_.SetSpacing([*sides.tolist(), 1.5])
         fields = {
@@ -163,7 +168,19 @@ def cut(path: Path) -> None:
 @pytest.mark.parametrize(
     ("spoil", "named"),
     [
-        (lambda f: slice_at(f, 3).unlink(), "one is missing"),
+        (lambda f: slice_at(f, 3).unlink(), "1 missing: export the series again"),
+        (
+            lambda f: write_series(f, shift=lambda k: (0, 0.1 * k * k, 0)),
+            "move sideways by steps that differ by 1.0",
+        ),
+        (
+            lambda f: write_series(f, shift=lambda k: (0, 0, -1.5 if k == 4 else 0)),
+            "1 slices lie where another one",
+        ),
+        (
+            lambda f: write_series(f, shift=lambda k: (0, 0, 0.4 * (k > 3))),
+            "one reconstruction with equal steps",
+        ),
         (lambda f: cut(slice_at(f, 3)), "1.2.3.1_2.dcm: is no whole slice"),
         (lambda f: cut(slice_at(f, 6)), "1.2.3.1_4.dcm: is no whole slice"),
         (lambda f: write_series(f, series="1.2.3.2"), "2 are there"),
@@ -171,10 +188,63 @@ def cut(path: Path) -> None:
         (lambda f: write_series(f, modality="MR"), "is no CT but MR"),
         (lambda f: write_series(f, UPRIGHT * [1e-3, 1e-3, 1, 1]), "voxels must be 0.1 to 12 mm long"),
     ],
-    ids=["a gap", "a slice cut off", "the last slice cut off", "two series", "nothing", "MR", "in metres"],
+    ids=[
+        "a gap",
+        "a gantry that tilts",
+        "doubled slices",
+        "uneven steps",
+        "a slice cut off",
+        "the last slice cut off",
+        "two series",
+        "nothing",
+        "MR",
+        "in metres",
+    ],
 )
 def test_what_is_no_whole_ct_is_refused(tmp_path: Path, spoil, named: str) -> None:
     folder = write_series(tmp_path / "ct")
     spoil(folder)
     with refuses(str(folder), named):
         read_scan(folder)
+
+
+def test_labels_that_headers_round_scale_or_pad_are_whole_numbers(tmp_path: Path) -> None:
+    whole = np.zeros((4, 5, 6), dtype=np.float32)
+    whole[1:3, 1:4, 1:5] = 112.0
+
+    path = tmp_path / "a.nii"
+    for values, slope in (
+        (np.where(whole > 0, 111.9996, -1.0).astype(np.float32), 1.0),
+        ((whole / 2.0).astype(np.int16), 2.0),
+    ):
+        nibabel.save(nibabel.Nifti1Image(values, np.diag([2.0, 2.0, 2.0, 1.0])), path)
+        raw = bytearray(path.read_bytes())
+        raw[112:116] = np.float32(slope).tobytes()  # scl_slope
+        path.write_bytes(raw)
+        np.testing.assert_array_equal(read_labels(path).layers[0], whole.astype(np.uint8))
+
+
+@pytest.mark.parametrize("length", [1.0 + 4e-7, 1.2])
+def test_a_rounded_quaternion_is_read_and_a_wrong_one_gives_way_to_the_sform(length, tmp_path: Path) -> None:
+    image = nibabel.Nifti1Image(np.ones((4, 5, 6), dtype=np.uint8), np.diag([-2.0, -2.0, 3.0, 1.0]))
+    image.set_qform(np.diag([-2.0, -2.0, 3.0, 1.0]), code=1)
+    nibabel.save(image, tmp_path / "a.nii")
+    raw = bytearray((tmp_path / "a.nii").read_bytes())
+    raw[256:268] = np.array([0.0, 0.0, length], dtype=np.float32).tobytes()  # half a turn about z
+    (tmp_path / "a.nii").write_bytes(raw)
+    np.testing.assert_allclose(read_labels(tmp_path / "a.nii").affine, np.diag([2.0, 2.0, 3.0, 1.0]), atol=1e-3)
+    raw[254:256] = np.int16(0).tobytes()  # sform_code
+    (tmp_path / "a.nii").write_bytes(raw)
+    if length > 1.1:
+        with refuses("its quaternion is no rotation"):
+            read_labels(tmp_path / "a.nii")
+    else:
+        read_labels(tmp_path / "a.nii")
+
+
+def test_segments_are_read_beyond_a_gap_in_their_numbers(tmp_path: Path) -> None:
+    layers = np.zeros((1, 4, 5, 6), dtype=np.uint8)
+    layers[0, 1], layers[0, 2] = 1, 2
+    names = {"Segment0_Name": "T8", "Segment0_LabelValue": "1", "Segment7_Name": "T9", "Segment7_LabelValue": "2"}
+    write_nrrd(tmp_path / "a.seg.nrrd", layers[0], np.diag([2.0, 2.0, 2.0, 1.0]), names)
+    assert read_labels(tmp_path / "a.seg.nrrd").names == ({1: "T8", 2: "T9"},)

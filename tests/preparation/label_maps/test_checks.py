@@ -4,13 +4,14 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from support.blocks import blocks, moved, spine_and_hips
 from support.trunk_shapes import joined
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.preparation.label_maps.mask import Mask
-from warp_trunk.preparation.label_maps.segmentation_checks import doubts_of_bones, doubts_of_image
+from warp_trunk.preparation.label_maps.segmentation_checks import doubts_of_bones, doubts_of_image, other_numbers
 from warp_trunk.preparation.label_maps.sources import TABLES, known_name
 
 Bones = dict[str, Surface]
@@ -194,3 +195,28 @@ def test_numbers_that_were_read_off_the_programs_themselves():
     assert [new[27], new[43], new[50], new[69], new[78], new[92], new[115]] == [
         "vertebrae_L5", "vertebrae_T1", "vertebrae_C1", "humerus_left", "hip_right", "rib_left_1", "rib_right_12",
     ]  # fmt: skip
+
+
+def test_a_shell_and_a_body_with_holes_for_bones_are_filled_and_arms_beside_it_stay_apart():
+    """By counts: a block with a bar beside it that joins it above and below, as an arm does."""
+    whole = np.zeros((40, 30, 50), dtype=bool)
+    whole[4:24, 4:26, :] = True
+    whole[24:34, 10:20, 6:12], whole[24:34, 10:20, 38:44], whole[30:34, 10:20, 6:44] = True, True, True
+    core = ndimage.binary_erosion(np.pad(whole, ((0, 0), (0, 0), (1, 1)), mode="edge"))
+    shell = whole & np.logical_not(core)[:, :, 1:-1]
+    holes = whole.copy()
+    holes[10:14, 10:14, 5:45] = False
+    holes[6:8, 4:9, 20:22] = False  # a gap to the outside of two voxels
+    for inside in (shell, holes, whole):
+        mask = Mask(inside, (0, 0, 0), np.eye(4), inside.shape).filled()
+        assert np.count_nonzero(mask.inside ^ whole) <= 84  # the gap, and voxels in four corners behind the arm
+    assert not mask.inside[26:29, 12, 20].any()
+
+
+def test_numbers_of_another_model_are_named():
+    """Hips with the numbers of T5 and T6."""
+    hips = {"T5": blocks((((60, 0, 0), (90, 40, 80)),)), "T6": blocks((((-90, 0, 0), (-60, 40, 80)),))}
+    (said,) = other_numbers(hips)
+    assert "T5 and T6 lie 150 mm beside each other" in said
+    stack = {f"T{n}": blocks((((-20 + 5 * n, 0, -30 * n), (20 + 5 * n, 30, 20 - 30 * n)),)) for n in range(3, 9)}
+    assert other_numbers(stack) == []

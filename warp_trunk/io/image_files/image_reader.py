@@ -28,6 +28,8 @@ ENDINGS = (".nii", ".nii.gz", ".nrrd")
 """Endings of the files that are read; `.seg.nrrd` is one of `.nrrd`."""
 _MOST_VOXELS = 1_000_000_000
 """No label map or scan has more; 512 x 512 x 900 are 236 millions."""
+_ROUNDED, _PADDING = 0.01, -1
+"""Resampled or scaled labels are whole numbers within this; and what surrounds some images."""
 _MOST_LABEL = 65535
 _SLAB = 4_000_000
 """Voxels converted at a time."""
@@ -79,7 +81,7 @@ def _read(path: Path, scan: bool) -> Image:
         if path.is_dir():
             return _converted(path, open_series(path), scan)
         if path.name.lower().endswith((".nii", ".nii.gz")):
-            with open_nifti(path, scan) as stored:
+            with open_nifti(path) as stored:
                 return _converted(path, stored, scan)
         if image_ending(path) is None:
             return _converted(path, open_segmentation(path), scan)
@@ -114,19 +116,22 @@ def _labels(slab: np.ndarray) -> np.ndarray:
     """Labels as the smallest type that holds them; FormatError for numbers that are no labels."""
     if slab.dtype.kind not in "iuf":
         raise FormatError(f"its voxels are of the type {slab.dtype}, and only numbers are read")
-    odd = slab[~(np.isfinite(slab) & (slab == np.rint(slab)))] if slab.dtype.kind == "f" else np.empty(0)
+    whole = np.rint(slab) if slab.dtype.kind == "f" else slab
+    odd = slab[~(np.abs(slab - whole) <= _ROUNDED)] if whole is not slab else np.empty(0)  # nor is NaN
     if odd.size:
         raise FormatError(
             f"labels are whole numbers, and it holds {odd[0]:g}; give the label map, not probabilities or the "
             "scan itself"
         )
-    low, high = slab.min(), slab.max()
+    low, high = whole.min(), whole.max()
+    if low == _PADDING:
+        low, whole = 0, np.maximum(whole, 0)
     if low < 0 or high > _MOST_LABEL:
         raise FormatError(
             f"labels are from 0 to {_MOST_LABEL}, and it holds {low if low < 0 else high:g}; give the label map, "
             "not the scan itself (that is --ct)"
         )
-    return slab.astype(np.uint8 if high < 256 else np.uint16)
+    return whole.astype(np.uint8 if high < 256 else np.uint16)
 
 
 def _hounsfield(slab: np.ndarray) -> np.ndarray:

@@ -18,13 +18,15 @@ from .image import Stored
 _UNITS = {"mm": 1.0, "meter": 1000.0, "micron": 1e-3, "unknown": 1.0}
 _LPS = np.diag([-1.0, -1.0, 1.0, 1.0])
 """From the RAS of NIfTI."""
+_ROUNDED = 1e-5
+"""A quaternion may be longer than 1 by this: its numbers have 24 bits."""
 _AGREE = 1.0
 """Two affines of one file may put a voxel this far apart [mm]."""
 
 
 @contextmanager
-def open_nifti(path: Path, scan: bool) -> Iterator[Stored]:
-    """The image of a file, which stays open in the block; a label map may have no scale.
+def open_nifti(path: Path) -> Iterator[Stored]:
+    """The image of a file, which stays open in the block; a scale of its header is applied.
 
     Raises:
         Exception: of many kinds, where the content is no NIfTI, is cut off or does not state its orientation.
@@ -40,23 +42,24 @@ def open_nifti(path: Path, scan: bool) -> Iterator[Stored]:
         stream.seek(0)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # extensions of odd lengths
-            kind = (
-                Nifti2Image
-                if 540 in (int.from_bytes(start, order) for order in ("little", "big"))
-                else Nifti1Image
-            )
-            image: Any = kind.from_stream(stream)
+            second = 540 in (int.from_bytes(start, order) for order in ("little", "big"))
+            base: Any = Nifti2Image if second else Nifti1Image
+            header = type("Header", (base.header_class,), {"quaternion_threshold": _ROUNDED})
+            kind: Any = type("Image", (base,), {"header_class": header})
+            try:
+                image: Any = kind.from_stream(stream)
+            except ValueError as error:
+                if not str(error).startswith("w2 "):
+                    raise
+                raise FormatError(
+                    "its quaternion is no rotation, and it has no sform; write it with one"
+                ) from error
         shape = image.shape
         while len(shape) > 3 and shape[-1] == 1:
             shape = shape[:-1]
         if len(shape) != 3:
             raise FormatError(f"it has {len(shape)} dimensions, {' x '.join(map(str, shape))}; give a volume of 3")
         voxels = image.dataobj
-        if not scan and (voxels.slope, voxels.inter) != (1.0, 0.0):
-            raise FormatError(
-                f"labels have no scale, and its header gives {voxels.slope:g} and {voxels.inter:g}; give the "
-                "label map, not the scan"
-            )
         affine, notes = _affine(image.header, shape)
         rest = (0,) * (image.ndim - 3)
 
@@ -72,7 +75,13 @@ def open_nifti(path: Path, scan: bool) -> Iterator[Stored]:
 
 def _affine(header: Any, shape: tuple[int, ...]) -> tuple[np.ndarray, tuple[str, ...]]:
     """From voxels to LPS in mm, and what is doubtful about it."""
-    by_s, by_q = header.get_sform(coded=True)[0], header.get_qform(coded=True)[0]
+    from nibabel.spatialimages import HeaderDataError  # heavy
+
+    by_s = header.get_sform(coded=True)[0]
+    try:
+        by_q = header.get_qform(coded=True)[0]
+    except (ValueError, HeaderDataError):  # with an sform nothing needs it
+        by_q = None
     if by_s is None and by_q is None:
         raise FormatError("neither its sform nor its qform states where the patient's left is; write it with one")
     affine = by_q if by_s is None else by_s

@@ -71,8 +71,8 @@ def _check_header(path: Path) -> None:
 def _segments(header: Mapping[str, str], layers: int) -> tuple[dict[int, str], ...]:
     """By layer, the name of each label: Segment3_Name, Segment3_LabelValue, Segment3_Layer."""
     names: tuple[dict[int, str], ...] = tuple({} for _ in range(layers))
-    number = 0
-    while (name := header.get(f"Segment{number}_Name")) is not None:
+    for number in sorted(int(key[7:-5]) for key in header if re.fullmatch(r"Segment\d{1,6}_Name", key)):
+        name = header[f"Segment{number}_Name"]
         old = f"Segment{number}_Layer" not in header  # before Slicer 4.11 each segment was a layer of its own
         layer = number if old and layers > 1 else int(header.get(f"Segment{number}_Layer", 0))
         value = int(header.get(f"Segment{number}_LabelValue", 1 if layers > 1 else number + 1))
@@ -81,7 +81,6 @@ def _segments(header: Mapping[str, str], layers: int) -> tuple[dict[int, str], .
         if value in names[layer]:
             raise FormatError(f"its segments '{names[layer][value]}' and '{name}' have the same label {value}")
         names[layer][value] = name
-        number += 1
     return names
 
 
@@ -132,11 +131,29 @@ def _affine(package: Any, files: tuple[str, ...]) -> np.ndarray:
     if len(files) < 2 or np.ptp(turns, axis=0).max() > 1e-3:
         raise FormatError(f"its {len(files)} slices are no stack of parallel ones")
     if np.ptp(steps, axis=0).max() > _UNEVEN:
-        gaps = np.linalg.norm(steps, axis=1)
-        raise FormatError(f"steps from slice to slice are {gaps.min():.2f} to {gaps.max():.2f} mm; one is missing")
+        raise FormatError(_uneven(steps, np.reshape(turns[0], (3, 3))[:, 2]))
     affine = np.eye(4)
     affine[:3, :2], affine[:3, 2], affine[:3, 3] = axes, steps.mean(axis=0), places[0]
     return affine
+
+
+def _uneven(steps: np.ndarray, normal: np.ndarray) -> str:
+    """The reason why steps from slice to slice (n, 3) differ, and the cure; the normal is that of the slices."""
+    along = np.abs(steps @ normal)
+    if twice := int((along <= _UNEVEN).sum()):
+        return f"{twice} slices lie where another one is; remove the doubled ones, or give one series alone"
+    said = f"{along.min():.2f} to {along.max():.2f} mm"
+    if np.ptp(along) <= _UNEVEN:
+        aside = np.ptp(steps - np.outer(steps @ normal, normal), axis=0).max()
+        return (
+            f"its slices are {said} apart, but move sideways by steps that differ by {aside:.1f} mm, as of "
+            "a gantry tilted during the scan; resample them to a straight stack"
+        )
+    missing = np.rint(along / np.median(along))
+    if np.abs(along - missing * np.median(along)).max() <= _UNEVEN:
+        gaps = int((missing - 1.0).sum())
+        return f"steps from slice to slice are {said}; {gaps} missing: export the series again"
+    return f"steps from slice to slice are {said}; give one reconstruction with equal steps"
 
 
 def _package() -> Any:

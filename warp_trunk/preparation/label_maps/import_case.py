@@ -30,7 +30,13 @@ from ..landmark_finder import FoundLandmarks, find_landmarks
 from .cartilages import split_cartilages
 from .fat import fat_thickness, reached
 from .mask import Mask
-from .segmentation_checks import doubts_of_bones, doubts_of_extents, doubts_of_image, wrong_way_round
+from .segmentation_checks import (
+    doubts_of_bones,
+    doubts_of_extents,
+    doubts_of_image,
+    other_numbers,
+    wrong_way_round,
+)
 from .skin import body_skin, check_cuts
 from .sources import CARTILAGES, FAT, MUSCLE, SKIN, Source
 from .surfaces import LEAST, BoneShape, bone_shape
@@ -106,7 +112,8 @@ def import_case(
         InputError: there is no body, no vertebra, or nothing that a surface comes of.
     """
     options = options or ImportOptions()
-    body = body or source.masks.get(SKIN)
+    if body is None and SKIN in source.masks:
+        body = source.masks[SKIN].filled()
     if body is not None:
         check_cuts(body, cuts)
     elif SKIN not in source.surfaces:
@@ -142,7 +149,7 @@ def import_case(
     bones = {n: s for n, s in surfaces.items() if of_case(n)}
     own = {n: masks[n] for n in bones if n in masks}
     cut = {n for n, mask in own.items() if mask.faces_at_border()}
-    turned = wrong_way_round(bones) if {1, 2} & misplaced(bones).keys() else []
+    turned = other_numbers(bones) or (wrong_way_round(bones) if {1, 2} & misplaced(bones).keys() else [])
     with stage("landmarks", "finding landmarks"):
         found = FoundLandmarks(NO_LANDMARKS, {}, {}) if turned else _landmarks(bones, cut)
     tissue = tissue or masks

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -57,6 +58,23 @@ class Mask:
         voxels = (points - self.place(np.zeros(3))) @ np.linalg.inv(self.affine[:3, :3]).T
         values, places = self.inside.view(np.uint8), np.moveaxis(voxels, -1, 0)
         return ndimage.map_coordinates(values, places, output=np.float32, order=1, mode="grid-constant") > 0.5
+
+    def filled(self) -> Mask:
+        """With what it encloses, as where it is a shell or leaves the bones out.
+
+        At the ends of the image, which cut it open, it is closed within the outermost layers. Gaps of two voxels
+        in the wall do not open it.
+        """
+        from scipy import ndimage  # heavy
+
+        inside = self.inside.copy()
+        for axis, side in self.faces_at_border():
+            layer = inside[(slice(None),) * axis + (side * -1,)]
+            layer[:] = ndimage.binary_fill_holes(layer)
+        padded = np.pad(inside, 2)
+        labelled: Any = ndimage.label(np.logical_not(ndimage.binary_dilation(padded)))
+        outside = np.asarray(ndimage.binary_dilation(labelled[0] == labelled[0][0, 0, 0])) & ~padded
+        return replace(self, inside=~outside[2:-2, 2:-2, 2:-2])
 
     def part(self, inside: np.ndarray) -> Mask | None:
         """Some of its voxels, (i, j, k) of its box, in a box of their own; None where there are none."""

@@ -19,6 +19,8 @@ _LARGER, _SMALLER = 1.7, 0.5
 """Volume of a vertebra over the median of its neighbours', which grow by a tenth from one to the next."""
 _WIDER = 1.6
 """Distance between two neighbours over the median of those around."""
+_BESIDE = 60.0
+"""No vertebra lies this far beside the next one [mm]: 25 in curves of 100 degrees."""
 _FROM_VERTEBRA = 8.0
 """The head of a rib is nearer to its vertebra than this [mm]: 3 mm at most in the anatomy of BodyParts3D."""
 _FROM_SACRUM = 12.0
@@ -66,6 +68,18 @@ def wrong_way_round(bones: Mapping[str, Surface]) -> list[str]:
         cure = "the file is turned by half a turn, as one in RAS that is read as LPS"
     check = ", and look where the heart is: exchanging names would mirror the patient" if sides else ""
     return [f"{what[0].upper()}{what[1:]}: {cure}; write the file again with its orientation{check}."]
+
+
+def other_numbers(bones: Mapping[str, Surface]) -> list[str]:
+    """A sentence where vertebrae lie beside each other, as hips and ribs do that carry their numbers."""
+    spine = [(name, bones[name].vertices.mean(axis=0)) for name in VERTEBRAE if name in bones]
+    for (upper, one), (lower, other) in pairwise(spine):
+        aside = float(np.linalg.norm((other - one)[:2]))
+        levels = VERTEBRAE.index(lower) - VERTEBRAE.index(upper)
+        if aside > _BESIDE * levels:
+            what = f"{upper} and {lower} lie {aside:.0f} mm beside each other, which no vertebrae do"
+            return [f"{what}: the labels have the numbers of another model; give its table by --labels."]
+    return []
 
 
 def _sides(bones: Mapping[str, Surface]) -> list[str]:

@@ -66,6 +66,9 @@ TABLES: dict[str, dict[int, str]] = {
 """Numbers of the bones in the task `total` of TotalSegmentator; between its versions they moved."""
 
 
+_GIVE_TABLE = f"give --labels {' or '.join(TABLES)}, or a file .csv of numbers and names"
+
+
 def label_table(given: str) -> dict[int, str]:
     """Names of labels by number.
 
@@ -165,15 +168,15 @@ def read_tissue(path: Path) -> dict[str, Mask]:
     Raises:
         InputError: nothing that can be read, or no fat in it.
     """
-    masks = (_folder(path, None) if path.is_dir() else _label_map(path, None)).masks
+    cure = "give the folder of masks that TotalSegmentator -ta tissue_types writes, or its label map with names"
+    masks = (_folder(path, None) if path.is_dir() else _label_map(path, None, cure)).masks
     if FAT not in masks:
-        cure = "give what TotalSegmentator -ta tissue_types writes"
         raise InputError(f"{path}: has no label or mask '{FAT}' with a voxel in it; {cure}")
     return {name: masks[name] for name in (FAT, MUSCLE) if name in masks}
 
 
 def read_body(path: Path) -> Mask:
-    """The mask of the body in a file: what it calls so, or all that is not 0.
+    """The mask of the body in a file: what it calls so, or all that is not 0, with all that it encloses.
 
     Raises:
         InputError: a damaged file, or no voxel in it.
@@ -184,16 +187,16 @@ def read_body(path: Path) -> Mask:
     mask = _mask_of(inside if inside.any() else (image.layers != 0).any(axis=0), image)
     if mask is None:
         raise InputError(f"{path}: has no voxel that is not 0; give the mask of the body")
-    return mask
+    return mask.filled()
 
 
-def _label_map(path: Path, table: Mapping[int, str] | None) -> Source:
+def _label_map(path: Path, table: Mapping[int, str] | None, cure: str = _GIVE_TABLE) -> Source:
     image = read_labels(path)
     names = image.names if table is None else (table,) * len(image.layers)
     if not any(names):
         raise InputError(
             f"{path}: its labels have no names, and their numbers mean other bones in other versions of a "
-            f"program; give --labels {' or '.join(TABLES)}, or a file .csv of numbers and names"
+            f"program; {cure}"
         )
     found = Source(notes=[f"{path}: {note}." for note in image.notes])
     for layer, known in zip(image.layers, names, strict=True):
