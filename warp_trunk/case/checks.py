@@ -18,6 +18,7 @@ from warp_trunk.geometry.surface import Surface, check_surface, unit
 from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume
 
 from .anatomy import region
+from .anatomy_checks import anatomy_doubts
 from .axes import MILLIMETRES, check_axes, exchanged_pairs, fitting, misplaced, unit_of
 from .landmark_checks import check_frame, check_motion, check_on_bones, check_order, check_shapes
 from .landmarks import ASIS, VERTEBRA_POINTS, Landmarks, bone_of
@@ -104,6 +105,7 @@ def check_patient(case: Case, source: CaseSource | None = None) -> list[str]:
             warnings += [] if skin is None else arm_warnings(skin, before, source.name(key))
     warnings += _check_bones(case, source)
     check_on_bones(case, source.name)
+    warnings += [doubt for doubt in anatomy_doubts(case) if doubt not in case.notes]
     check_points(case, source.name("points"))
     return warnings
 

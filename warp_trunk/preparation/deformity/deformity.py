@@ -10,8 +10,10 @@ from warp_trunk.bone_motion.rib_cage import RibCage, follow
 from warp_trunk.bone_motion.vertebra_motion import Vertebrae
 from warp_trunk.case import Case
 from warp_trunk.case.anatomy import PELVIC_RING
+from warp_trunk.case.case import Study
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.rib_coupling import RibCoupling
+from warp_trunk.case.uncertainty import ON_BONES, Uncertainty
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.spline import Spline, fit_spline
@@ -139,6 +141,7 @@ def _move(landmarks: Landmarks, poses: Mapping[str, VertebraPose]) -> Landmarks:
     return Landmarks(landmarks.names, np.array(points))
 
 
+_IMPOSED = "The curve was imposed on straight anatomy by make-case: this is no patient."
 STRAIGHT = 5.0
 """A spine with a larger Cobb angle is not straight [degrees]."""
 _TURN = 1.4
@@ -183,7 +186,16 @@ def imposed_case(
     """`make_case` of straight anatomy whose landmarks are known."""
     after = correct(straight, curve, correction)
     deformed, moved, before = impose(skin, bones, straight, curve)
-    return Case(name=name, skin=deformed, bones=moved, landmarks_before=before, landmarks_after=after)
+    return Case(
+        name=name,
+        skin=deformed,
+        bones=moved,
+        landmarks_before=before,
+        landmarks_after=after,
+        uncertainty=Uncertainty(landmark_error=ON_BONES[0], landmark_error_sd=ON_BONES[1]),  # moved with the bones
+        study=Study(synthetic=True),
+        notes=(_IMPOSED,),
+    )
 
 
 def check_straight(bones: Mapping[str, Surface]) -> None:

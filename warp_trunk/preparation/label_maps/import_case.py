@@ -13,6 +13,7 @@ from msgspec import Meta
 
 from warp_trunk.case import Case
 from warp_trunk.case.anatomy import VERTEBRAE, of_trunk, rib_of
+from warp_trunk.case.anatomy_checks import anatomy_doubts
 from warp_trunk.case.axes import misplaced
 from warp_trunk.case.case import Posture
 from warp_trunk.case.landmarks import ASIS, NO_LANDMARKS
@@ -177,7 +178,7 @@ def import_case(
     others = {"the body": body} | {f"the mask of {n}": tissue[n] for n in (FAT, MUSCLE) if n in tissue}
     notes += doubts_of_extents({n: mask for n, mask in others.items() if mask}, own)
     doubts = turned or (*doubts_of_bones(bones, cut), *doubts_of_image(own, body, spine))
-    notes += doubts
+    notes += [*doubts, *(() if turned else anatomy_doubts(case))]
     case = replace(case, notes=tuple(notes))
     return Imported(case, found, shapes, made, fat, (*notes, *_dropped(shapes, bones)))
 

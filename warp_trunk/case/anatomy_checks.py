@@ -1,0 +1,147 @@
+"""Doubts of the anatomy of a case: bones that are missing or out of order, landmarks off their bone's feature."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warp_trunk.geometry.distance_field import SurfaceDistance
+
+from .anatomy import PELVIC_RING, SIDES, THORACIC
+from .landmarks import ASIS, VERTEBRA_POINTS
+
+if TYPE_CHECKING:
+    from .case import Case
+
+_BEHIND = 12.0
+"""An anterior superior iliac spine lies behind the frontmost point of its hip bone's upper half by less [mm]."""
+_OFF_FEATURE, _OFF_BY_ERROR = 6.5, 3.5
+"""A landmark lies on its vertebra as the mean of those above and below, within this [mm] and so many standard
+deviations of the errors of landmarks."""
+_AT_END = 1.5
+"""At an end of the spine, where there is no mean, within this many times as much."""
+_FEWEST = 4
+"""Vertebrae with landmarks and bones that are needed to compare each with its neighbours."""
+_OUT = 1.0
+"""A bone reaches out of the skin by less [mm]."""
+_HEADS = 30
+"""Vertices of a rib that are nearest to the spine: its head."""
+_ROUGH = 3.0
+"""The heads of two ribs may be in the wrong order by this [mm]."""
+
+
+def anatomy_doubts(case: Case) -> list[str]:
+    """A sentence for each doubt, with the number found and the cure; none for a part of the body without a spine.
+
+    Args:
+        case: checked as far as its files go, in LPS and mm.
+    """
+    if not case.has_spine or sum(name in case.bones for name in THORACIC) < _FEWEST:
+        return []
+    found = [*_missing(case), *_rib_order(case), *_iliac_spines(case), *_off_features(case), *_outside(case)]
+    return [f"Anatomy: {doubt}." for doubt in found]
+
+
+def _missing(case: Case) -> list[str]:
+    bones, doubts = case.bones, []
+    ribs = {side: [n for n in range(1, 13) if f"rib_{side}_{n:02d}" in bones] for side in SIDES}
+    if not any(ribs.values()):
+        doubts.append(
+            "there is no rib, so that soft tissue fills the chest and the hump is wrong (21 for 13 mm in one "
+            "trunk); add bones/rib_left_01 to rib_right_12"
+        )
+    for side, other in (SIDES, SIDES[::-1]):
+        if lost := [n for n in ribs[other] if n not in ribs[side]]:
+            names = ", ".join(map(str, lost))
+            doubts.append(
+                f"{len(lost)} of the {len(ribs[other])} ribs of the {other} side have none opposite: the {side} "
+                f"side lacks {names}, and the back moves there without bone (hump up to 18 mm off); add them"
+            )
+    if any(ribs.values()) and "sternum" not in bones:
+        doubts.append("there is no sternum, so that the ribs' front ends are free; add bones/sternum")
+    if lost := [name for name in PELVIC_RING if name not in bones]:
+        doubts.append(
+            f"of the pelvis {', '.join(lost)} {'is' if len(lost) == 1 else 'are'} missing, and nothing holds the "
+            "trunk there (skin moves 21 for 13 mm without all three); add them"
+        )
+    return doubts
+
+
+def _rib_order(case: Case) -> list[str]:
+    """Ribs whose heads are in another order along the spine than their numbers."""
+    spine = np.array([case.bones[name].vertices.mean(axis=0) for name in THORACIC if name in case.bones])
+    doubts = []
+    for side in SIDES:
+        heads = {}
+        for number in range(1, 13):
+            if bone := case.bones.get(f"rib_{side}_{number:02d}"):
+                away = np.linalg.norm(bone.vertices[:, None] - spine, axis=2).min(axis=1)
+                heads[number] = float(np.median(bone.vertices[np.argsort(away)[:_HEADS], 2]))
+        numbers = list(heads)
+        for upper, lower in pairwise(numbers):
+            if heads[lower] > heads[upper] + _ROUGH:
+                doubts.append(
+                    f"rib_{side}_{lower:02d} begins {heads[lower] - heads[upper]:.0f} mm above "
+                    f"rib_{side}_{upper:02d}; exchange their names where they are exchanged"
+                )
+    return doubts
+
+
+def _iliac_spines(case: Case) -> list[str]:
+    """Iliac spines that are not the frontmost point of their hip bone."""
+    doubts = []
+    for name, hip in ASIS.items():
+        if hip not in case.bones:
+            continue
+        vertices = case.bones[hip].vertices
+        upper = vertices[vertices[:, 2] > vertices[:, 2].mean()]
+        behind = float(case.landmarks_before.point(name)[1] - upper[:, 1].min())
+        if behind > _BEHIND:
+            doubts.append(
+                f"'{name}' lies {behind:.0f} mm behind the frontmost point of {hip}, and {_BEHIND:g} is the most; "
+                "rotations are measured against it, so mark it again"
+            )
+    return doubts
+
+
+def _off_features(case: Case) -> list[str]:
+    """Landmarks that lie elsewhere on their vertebra than those of its neighbours."""
+    marks = case.landmarks_before
+    levels = [name for name in marks.vertebrae() if name in case.bones]
+    if len(levels) < _FEWEST:
+        return []
+    six = np.array([[marks.point(f"{level}_{name}") for name in VERTEBRA_POINTS] for level in levels])
+    low, high = (np.array([end(case.bones[n].vertices, axis=0) for n in levels]) for end in (np.min, np.max))
+    places = six - 0.5 * (low + high)[:, None]  # against the middle of the box around each bone
+    allowed, doubts = _OFF_FEATURE + _OFF_BY_ERROR * case.uncertainty.landmark_sd, []
+    for row, level in enumerate(levels):
+        pairs = [(row - n, row + n) for n in (1, 2) if row - n >= 0 and row + n < len(levels)]
+        expected = [0.5 * (places[one] + places[other]) for one, other in pairs]
+        near = places[max(row - 2, 0) : row + 3]  # at an end of the spine
+        off = places[row] - (np.mean(expected, axis=0) if pairs else np.median(near, axis=0))
+        away = np.linalg.norm(off, axis=1)
+        worst, most = int(away.argmax()), allowed * (1.0 if pairs else _AT_END)
+        if away[worst] > most:
+            all_off = float(np.linalg.norm(off.mean(axis=0)))
+            what = f"the landmarks of {level} together lie {all_off:.0f} mm"
+            if all_off < 0.7 * away[worst]:
+                what = f"'{level}_{VERTEBRA_POINTS[worst]}' lies {away[worst]:.0f} mm"
+            place = "from the place on the bone where those of the neighbours lie"
+            doubts.append(f"{what} {place}, and {most:.0f} mm is the most; mark them again")
+    return doubts
+
+
+def _outside(case: Case) -> list[str]:
+    """The bone that reaches furthest out of the skin."""
+    names = list(case.bones)
+    outermost = SurfaceDistance(case.skin).outermost([case.bones[name].vertices for name in names])
+    out = np.array([far for _, far in outermost])
+    if not out.size or out.max() <= _OUT:
+        return []
+    name = names[int(out.argmax())]
+    return [
+        f"{int((out > _OUT).sum())} bones reach out of the skin, {name} by {out.max():.1f} mm; bring skin and "
+        "bones into one frame"
+    ]
