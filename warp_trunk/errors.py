@@ -53,7 +53,7 @@ def within(value: float, bound: float) -> str:
     return f"; the nearest is {bound:g}"
 
 
-def nearest(word: str, known: Iterable[str]) -> str:
+def closest_name(word: str, known: Iterable[str]) -> str:
     """A question for the known word that is most like a word; empty where none is."""
     near = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
     return f" (did you mean '{near[0]}'?)" if near else ""

@@ -4,7 +4,7 @@ import numpy as np
 import trimesh
 
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.live.page_scene import OUTLINE, STEP, outer_first, outlines, relief_lines
+from warp_trunk.live.page_scene import LINE_DISTANCE, OUTLINE, outer_first, outlines, relief_lines
 from warp_trunk.live.relaxation import InitialGuess
 
 
@@ -23,8 +23,8 @@ def test_lines_of_a_sphere_are_its_circles() -> None:
     vertices, faces = np.asarray(ball.vertices), np.asarray(ball.faces)
     ends = relief_lines(vertices, faces) - [0.0, 0.6, 0.0]
     depth = ends[:, 0, 1]
-    check_circles(ends, 1, STEP, range(11, 19))  # the way around each circle that faces back is whole
-    np.testing.assert_allclose(depth / STEP, np.round(depth / STEP), atol=1e-9)
+    check_circles(ends, 1, LINE_DISTANCE, range(11, 19))  # the way around each circle that faces back is whole
+    np.testing.assert_allclose(depth / LINE_DISTANCE, np.round(depth / LINE_DISTANCE), atol=1e-9)
     np.testing.assert_allclose(np.linalg.norm(ends, axis=2), 98.0, atol=0.15)
     assert depth.min() > 0.45 * 98.0  # its front and its flank have none
     drawn = relief_lines(vertices.astype(np.float32), faces)  # as the page has it
@@ -32,10 +32,10 @@ def test_lines_of_a_sphere_are_its_circles() -> None:
 
 
 def test_a_corner_on_a_plane_leaves_no_hole_and_no_nan() -> None:
-    flat = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [0.0, 2.0 * STEP, 10.0]])
+    flat = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [0.0, 2.0 * LINE_DISTANCE, 10.0]])
     ends = relief_lines(flat, np.array([[0, 2, 1]]))
     assert np.isfinite(ends).all()
-    assert set(ends[:, 0, 1] - 0.6) == {STEP, 2.0 * STEP}
+    assert set(ends[:, 0, 1] - 0.6) == {LINE_DISTANCE, 2.0 * LINE_DISTANCE}
 
 
 def test_outlines_of_a_sphere_are_its_parallels() -> None:

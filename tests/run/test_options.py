@@ -24,7 +24,7 @@ from warp_trunk.meshing import MeshOptions
 from warp_trunk.run.options import SKIN_RIGIDITY, Execution, RunOptions, parameters
 from warp_trunk.run.patient import MeshedPatient
 from warp_trunk.run.simulate import simulate
-from warp_trunk.run.unread_options import READERS, Scene, refuse_unread
+from warp_trunk.run.unread_options import READERS, RunChoices, refuse_unread
 
 
 @pytest.mark.parametrize(
@@ -121,7 +121,7 @@ def test_what_the_table_calls_read_moves_the_tissue_and_nothing_else_does(scene:
     constants = {field.name for field in fields(Tissue)}
     for name, value in OTHER.items():
         options = RunOptions(bones="spline", **scene)
-        reads = READERS[name].reads(Scene(options, layered=False))
+        reads = READERS[name].reads(RunChoices(options, layered=False))
         if (not reads and name in ("alpha", "weights", "gravity")) or (name == "alpha" and "gravity" in scene):
             continue  # refused by the model itself
         found = pull(scene, **{name: float(value)}) if name in constants else pull({**scene, name: value})

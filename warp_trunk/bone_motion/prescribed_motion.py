@@ -198,7 +198,7 @@ def _places(trunk: TrunkMesh, inverted: np.ndarray, what: str) -> list[str]:
     return sentences
 
 
-STEP = 1e-4
+PATH_STEP = 1e-4
 """How far each landmark is moved along each axis [mm]."""
 
 PathDerivative = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -207,7 +207,7 @@ PathDerivative = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 def sets_around(before: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Landmarks before and after as they are, then with each coordinate of one of them moved by `STEP`.
+    """Landmarks before and after as they are, then with each coordinate of one of them moved by `PATH_STEP`.
 
     Args:
         before: landmarks before, shape (landmarks, 3) [mm].
@@ -216,7 +216,8 @@ def sets_around(before: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.n
     Returns:
         Shape (1 + 6 landmarks, landmarks, 3) each [mm].
     """
-    moved = np.vstack([np.zeros(2 * before.size), STEP * np.eye(2 * before.size)]).reshape(-1, 2, *before.shape)
+    size = 2 * before.size
+    moved = np.vstack([np.zeros(size), PATH_STEP * np.eye(size)]).reshape(-1, 2, *before.shape)
     return before + moved[:, 0], after + moved[:, 1]
 
 
@@ -229,7 +230,7 @@ def rigid_derivative(trunk: TrunkMesh, motions: Mapping[str, RigidMotion]) -> Pa
     """
     bone, nodes = trunk.bone[trunk.prescribed], trunk.nodes[trunk.prescribed]
     stack = RigidMotion.stack(motions[name] for name in trunk.bone_names)
-    change = (stack[1:] * stack[0].inv()).log() / STEP
+    change = (stack[1:] * stack[0].inv()).log() / PATH_STEP
     moved = stack[0][bone].apply(nodes)
 
     def by_landmarks(by_node: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -254,7 +255,7 @@ def spline_derivative(nodes: np.ndarray, before: np.ndarray, after: np.ndarray) 
         weights = by_node.transpose(0, 2, 1).reshape(-1, len(nodes))
         sums = SplineSums(nodes, weights, before).at(*sets).reshape(len(sets[0]), len(by_node), 3, 3)
         numbers = np.trace(sums, axis1=2, axis2=3)
-        return _split((numbers[1:] - numbers[0]).T / STEP)
+        return _split((numbers[1:] - numbers[0]).T / PATH_STEP)
 
     return by_landmarks
 

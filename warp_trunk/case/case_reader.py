@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from warp_trunk.errors import InputError, MissingFileError, as_path, nearest
+from warp_trunk.errors import InputError, MissingFileError, as_path, closest_name
 from warp_trunk.geometry.coarsening import without_slivers
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import LEAST_ANGLE, place_of, slivers
@@ -148,7 +148,7 @@ def _instead(folder: Path) -> str:
 def _called_nearly(path: Path) -> str:
     """A question for what is called nearly so in the folder of a path, and is no other file of a case."""
     others = [one.name for one in path.parent.iterdir() if not one.name.startswith((*_STEMS, "."))]
-    return nearest(path.name, others)
+    return closest_name(path.name, others)
 
 
 _STEMS = ("landmarks_before.", "landmarks_after.", "landmarks_bending_", "actual_skin.", "skin.", "bones_")

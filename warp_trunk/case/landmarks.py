@@ -12,7 +12,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from warp_trunk.errors import InputError, expect, nearest
+from warp_trunk.errors import InputError, closest_name, expect
 from warp_trunk.geometry.surface import FARTHEST
 from warp_trunk.io.atomic_write import csv_text, write_whole
 from warp_trunk.io.file_access import is_plain, number, read_text
@@ -64,7 +64,7 @@ class Landmarks:
         """The row of a landmark; InputError with the nearest name where there is none of that name."""
         if name not in self.names:
             there = f"there is no '{name}' among the {len(self.names)} landmarks"
-            raise InputError(f"landmarks: {there}{nearest(name, self.names)}")
+            raise InputError(f"landmarks: {there}{closest_name(name, self.names)}")
         return self.names.index(name)
 
     def point(self, name: str) -> np.ndarray:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from warp_trunk.engine.tissue import TISSUE_LIMITS, Tissue
-from warp_trunk.errors import InputError, nearest
+from warp_trunk.errors import InputError, closest_name
 from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.file_access import MOST_SURFACE, FormatError, check_file, check_within, number, read_text
 from warp_trunk.io.file_names import path_in
@@ -107,7 +107,7 @@ def check_constants(constants: Mapping[str, float], table: str) -> None:
     """InputError for a key of a table of a file that is no constant of a tissue, or a value that none has."""
     for name in constants:
         if name not in TISSUE_LIMITS:
-            hint = nearest(name, TISSUE_LIMITS).replace("mean '", f"mean '{table}.")
+            hint = closest_name(name, TISSUE_LIMITS).replace("mean '", f"mean '{table}.")
             keys = ", ".join(f"{table}.{one}" for one in TISSUE_LIMITS)
             raise InputError(f"unknown key '{table}.{name}'{hint}; the keys are {keys}")
     try:

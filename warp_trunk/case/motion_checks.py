@@ -8,7 +8,7 @@ from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
 
-from warp_trunk.errors import InputError, nearest
+from warp_trunk.errors import InputError, closest_name
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.rigid import RigidMotion
 
@@ -53,7 +53,7 @@ def _check_one(case: Case, bone: str, motion: Motion, where: str) -> None:
     turn, shares, skin = motion.rotation, motion.follows, case.skin.vertices
     for name in (bone, *(shares or ())):
         if name not in case.bones:
-            hint = nearest(name, case.bones) or f"; the first are {', '.join(sorted(case.bones)[:8])}"
+            hint = closest_name(name, case.bones) or f"; the first are {', '.join(sorted(case.bones)[:8])}"
             raise InputError(f"{where}: there is no bone '{name}' among the {len(case.bones)} bones{hint}")
     marked = {bone_of(name, case.bones) for name in case.landmarks_before.names} if case.landmarks_after else {}
     for known, what in ((case.bones_after, f"bones_after/{bone}"), (marked, "landmarks after surgery")):

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from warp_trunk.engine.tissue import TISSUE_LIMITS, Tissue
-from warp_trunk.errors import InputError, nearest
+from warp_trunk.errors import InputError, closest_name
 from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.records import as_record, read_toml, toml_text
 
@@ -44,7 +44,7 @@ def check_named(constants: Mapping[str, float]) -> None:
     """InputError for a constant that there is not, or for a value that it cannot have."""
     for name in constants:
         if name not in CONSTANT_NAMES:
-            hint = nearest(name, CONSTANT_NAMES)
+            hint = closest_name(name, CONSTANT_NAMES)
             raise InputError(f"there is no constant '{name}'{hint}; known are {', '.join(CONSTANT_NAMES)}")
     tables = _by_table(constants)
     RibCoupling(**tables.pop(RIBS, {}))

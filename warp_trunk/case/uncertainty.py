@@ -20,12 +20,12 @@ from warp_trunk.io.records import check_fields, toml_table
 
 from .layers import read_numbers
 
-MOST = 1000.0
+LARGEST_UNCERTAINTY = 1000.0
 """No uncertainty is larger, in mm, degrees or as a factor."""
 FACTORS = (*(name for name, limits in TISSUE_LIMITS.items() if limits.by_factor), "skin_rigidity")
 """Constants that are uncertain by a factor: a standard deviation multiplies or divides by it."""
-_Deviation = Annotated[float, Meta(ge=0.0, le=MOST)]
-_Factor = Annotated[float, Meta(ge=1.0, le=MOST)]
+_Deviation = Annotated[float, Meta(ge=0.0, le=LARGEST_UNCERTAINTY)]
+_Factor = Annotated[float, Meta(ge=1.0, le=LARGEST_UNCERTAINTY)]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,7 @@ from warp_trunk.case.landmarks import Landmarks, read_landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.back_points import NOISY
 from warp_trunk.io.atomic_write import write_whole
-from warp_trunk.io.point_files import read_scan
+from warp_trunk.io.point_files import read_back
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.measures.back import TURN
 from warp_trunk.preparation.back_scan.body import atlas_body, made_body
@@ -60,7 +60,7 @@ class FitBack:
         size = MILLIMETRES[self.units]
         with Progress() as progress:
             with progress.stage("load", f"reading {self.back}"):
-                points, colours = read_scan(self.back)
+                points, colours = read_back(self.back)
                 spine = read_patient_spine(self.spine, size)
                 found = read_landmarks(self.markers)
                 markers = Landmarks(found.names, found.points * size)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from warp_trunk import __version__
-from warp_trunk.errors import InputError, nearest
+from warp_trunk.errors import InputError, closest_name
 
 from .output import BAD_INPUT, FILE_ERROR, INTERRUPTED, OK
 
@@ -55,7 +55,7 @@ def load(words: list[str]) -> Any:
         raise InputError(f"a command is needed: one of {known}; start with warp-trunk demo")
     name = words[0]
     if name not in COMMANDS:
-        raise InputError(f"'{name}': there is no such command{nearest(name, COMMANDS)}; known are {known}")
+        raise InputError(f"'{name}': there is no such command{closest_name(name, COMMANDS)}; known are {known}")
     module, kind = COMMANDS[name].split(".")
     return getattr(importlib.import_module(f".{module}", __package__), kind)
 

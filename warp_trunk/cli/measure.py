@@ -66,7 +66,7 @@ class Measure:
             return self._back(file, self.spine, stem)
         with Progress() as progress:
             with progress.stage("load", f"reading {file}"):
-                case, result = patient_of(file, self.case)
+                case, result = case_of_skin(file, self.case)
                 skin = read_skin(file, self.case, case)
                 actual = None if self.against is None else read_skin(self.against, self.case, case)
             with progress.stage("measure", "measuring"):
@@ -135,7 +135,7 @@ def skin_file(path: Path, *, finished: bool) -> Path:
     return path
 
 
-def patient_of(file: Path, folder: Path | None) -> tuple[Case, Result | None]:
+def case_of_skin(file: Path, folder: Path | None) -> tuple[Case, Result | None]:
     """The case whose landmarks go with a skin, and the result it lies in: that of the result, else of a folder.
 
     Raises:

@@ -8,8 +8,8 @@ from itertools import product
 import numpy as np
 
 CREASE = 2.0
-"""The skin bends to the inside by less than this over `STEP` to both sides, or there is a crease [mm]."""
-STEP = 8.0
+"""The skin bends to the inside by less than this over `CREASE_REACH` to both sides, or there is a crease [mm]."""
+CREASE_REACH = 8.0
 """Over this way to both sides creases are looked for [mm]."""
 RAISED = 2.0
 """A piece that a crease surrounds stands on the back if it is higher than this above the skin around it [mm]."""
@@ -99,7 +99,7 @@ def _averaged(depth: np.ndarray) -> np.ndarray:
     return np.divide(total, weight, out=np.full(depth.shape, np.nan), where=known)
 
 
-def creases(grid: DepthGrid, step: float = STEP) -> np.ndarray:
+def creases(grid: DepthGrid, step: float = CREASE_REACH) -> np.ndarray:
     """How far the skin bends to the inside at each cell, over a step to both sides, in the direction in which it
     does most [mm]; -inf where it is not known."""
     straight = max(1, round(step / grid.cell))
@@ -167,8 +167,8 @@ def find_raised(grid: DepthGrid, aside: np.ndarray, error: float = 0.0, blur: fl
     from scipy import ndimage  # heavy
 
     near = np.isfinite(grid.depth) & (np.abs(aside) < BESIDE)
-    step = max(STEP, blur)
-    bend = creases(grid, step) / (CREASE * step / STEP + error)
+    step = max(CREASE_REACH, blur)
+    bend = creases(grid, step) / (CREASE * step / CREASE_REACH + error)
     skin, raised = np.zeros(near.shape, dtype=bool), np.zeros(near.shape, dtype=bool)
     # a crease that is interrupted over a short way, or that was smoothed, still ends a piece
     for least, narrow in product((1.0, *(_FAINTER if blur else ())), _NARROW):

@@ -262,11 +262,5 @@ def fit_rigid(before: np.ndarray, after: np.ndarray, weights: np.ndarray | None 
     return RigidMotion.about(rotation, from_centre, to_centre)
 
 
-def on_line(points: np.ndarray) -> bool:
-    """Whether points (n, 3) lie on a line, or are one."""
-    a = points - points.mean(axis=0)
-    return bool(_on_line(np.linalg.svd(a.T @ a, compute_uv=False)))
-
-
 def _on_line(extents: np.ndarray) -> np.ndarray:
     return extents[..., 1] <= _LINE * extents[..., 0]

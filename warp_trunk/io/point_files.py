@@ -21,11 +21,11 @@ _TEXT = (".xyz", ".csv", ".txt", ".asc", ".pts")
 
 
 def read_points(path: str | Path) -> np.ndarray:
-    """The points of a scan as `read_scan`, without their colours."""
-    return read_scan(path)[0]
+    """The points of a scan as `read_back`, without their colours."""
+    return read_back(path)[0]
 
 
-def read_scan(path: str | Path) -> tuple[np.ndarray, np.ndarray | None]:
+def read_back(path: str | Path) -> tuple[np.ndarray, np.ndarray | None]:
     """The points of a scan, shape (n, 3) float64, in the numbers of the file; LPS where its
     header says SPACE=RAS. And their colours where it has some, shape (n, 3), uint8.
 

@@ -14,7 +14,7 @@ from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 import msgspec
 
-from warp_trunk.errors import InputError, nearest, within
+from warp_trunk.errors import InputError, closest_name, within
 
 from .file_access import read_text
 
@@ -126,7 +126,7 @@ def _check_keys(value: Any, kind: Any, where: Path | str, prefix: str) -> None:
     for one in getattr(kind, "types", (kind,)):
         words = getattr(one, "values", ())  # of a Literal
         if words and isinstance(value, str) and value not in words:
-            rule = f"must be {' or '.join(words)}, not {value!r}{nearest(value, words)}"
+            rule = f"must be {' or '.join(words)}, not {value!r}{closest_name(value, words)}"
             raise InputError(f"{where}: '{prefix}' {rule}; give one of them")
         if isinstance(value, list) and hasattr(one, "item_type"):
             for row in value:
@@ -139,7 +139,7 @@ def _check_keys(value: Any, kind: Any, where: Path | str, prefix: str) -> None:
         start = f"{prefix}." if prefix else ""
         for key, inner in value.items():
             if key not in known:
-                hint = nearest(key, known).replace("mean '", f"mean '{start}")
+                hint = closest_name(key, known).replace("mean '", f"mean '{start}")
                 keys = ", ".join(start + name for name in known)
                 raise InputError(f"{where}: unknown key '{start}{key}'{hint}; the keys are {keys}")
             _check_keys(inner, known[key], where, start + key)

@@ -201,7 +201,7 @@ def _rgb(colour: str) -> tuple[int, int, int]:
     return red, green, blue
 
 
-STEP = 5.0
+LINE_DISTANCE = 5.0
 """From one line to the next [mm]."""
 _FACING = 0.5
 """Where the skin faces back by less than this (a cosine: 60 degrees), it is flank and lines would run together."""
@@ -237,7 +237,7 @@ def outer_first(skin: Surface) -> np.ndarray:
 
 
 def relief_lines(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Where planes of equal depth (y), `STEP` apart, cut the part of a skin that faces back.
+    """Where planes of equal depth (y), `LINE_DISTANCE` apart, cut the part of a skin that faces back.
 
     Args:
         vertices: of the skin [mm], shape (vertices, 3); float32 is enough, and faster.
@@ -246,7 +246,7 @@ def relief_lines(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     Returns:
         Ends of line segments [mm], shape (segments, 2, 3), of the type of the vertices.
     """
-    depth = vertices[:, 1] / vertices.dtype.type(STEP)
+    depth = vertices[:, 1] / vertices.dtype.type(LINE_DISTANCE)
     corners = np.ascontiguousarray(faces.T)  # by corner: each step below goes along rows
     cut, level = crossed(np.floor(depth).astype(np.int32), corners)
     back = _face_back(vertices, corners[:, cut])

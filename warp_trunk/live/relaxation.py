@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _FAR = 10.0
 """Rigid bones so far from the plans that are known would cut into extrapolated tissue [mm]: it starts from
 where they carry it instead."""
-FEW = 5e-5
+FEW_INVERTED = 5e-5
 """Part of the tetrahedra that may be inside out while plans change: to predict such a plan from before surgery
 takes seconds. That 5 of 222,892 were moved no skin by 0.7 mm."""
 PINCHED = "Tissue between bones is pressed inside out; it comes off them there once the sliders rest."
@@ -59,8 +59,8 @@ class LiveRelaxation:
     It starts from where the spline of the landmarks carries it and the extrapolated relaxation
     (`InitialGuess`), bones from where they go: a small change of a plan takes a step. The equilibrium is that of a
     simulation from before surgery as far as there is only one. Where tetrahedra end inside out or no equilibrium
-    is found, the plan is predicted from before surgery as `simulate` does (`Prediction`); where only `FEW` are
-    inside out, once it rests.
+    is found, the plan is predicted from before surgery as `simulate` does (`Prediction`); where only
+    `FEW_INVERTED` are inside out, once it rests.
     """
 
     def __init__(self, patient: PreparedPatient) -> None:
@@ -143,7 +143,7 @@ class LiveRelaxation:
     def _leads_on(self, relaxation: Relaxation) -> bool:
         """Whether other plans may start from its end."""
         arrived = relaxation.status in (RelaxStatus.CONVERGED, RelaxStatus.NEAR)
-        return arrived and relaxation.inverted_tets <= FEW * len(self._patient.trunk.tets)
+        return arrived and relaxation.inverted_tets <= FEW_INVERTED * len(self._patient.trunk.tets)
 
     def _path(self) -> PrescribedMotion:
         patient = self._patient
@@ -201,7 +201,7 @@ class Images:
         return self._skin + self._response @ (landmarks.points - self._before).astype(np.float32)
 
 
-MOST = 12
+REMEMBERED_PLANS = 12
 """Number of plans that are remembered."""
 _APART = 0.5
 """A plan that is nearer than this to a remembered one takes its place [mm]."""
@@ -245,7 +245,7 @@ class InitialGuess:
         """Takes in another plan, in place of one that is as good as the same, or that another stands close to."""
         ways = self._ways(landmarks)
         nearest = int(np.argmin(ways))
-        if ways[nearest] < _APART or len(self._fields) == MOST:
+        if ways[nearest] < _APART or len(self._fields) == REMEMBERED_PLANS:
             gone = nearest if ways[nearest] < _APART else self._crowded()
             del self._landmarks[gone], self._fields[gone]
         self._landmarks.append(landmarks)

@@ -30,7 +30,7 @@ from .scoliometer import pedicle_turns, scoliometer_on, slope_between
 
 Number = Callable[[Surface, Landmarks], float]
 """A number of a skin with its landmarks."""
-STEP = 1e-5
+DIFFERENCE_STEP = 1e-5
 """How far a vertex or landmark is moved [mm]."""
 _NEAREST = 8
 """Edges of the section, each counted for both of its triangles, among which are those around a point."""
@@ -245,9 +245,9 @@ def _by_differences(
 
     def slope(rows: Sequence[int], axis: int, points: np.ndarray, by_skin: bool) -> float:
         moved = points.copy()
-        moved[rows, axis] += STEP
+        moved[rows, axis] += DIFFERENCE_STEP
         there = (Surface(moved, part.faces), landmarks) if by_skin else (part, replace(landmarks, points=moved))
-        return (number(*there) - start) / STEP
+        return (number(*there) - start) / DIFFERENCE_STEP
 
     for vertex, axis in product(np.unique(vertices).tolist(), range(3)):
         found.vertices[vertex, axis] = slope([int(np.searchsorted(used, vertex))], axis, part.vertices, True)

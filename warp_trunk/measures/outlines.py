@@ -79,7 +79,7 @@ TOP = "T8"
 """The outline is taken from this vertebra, below the armpits, ..."""
 BELOW = 40.0
 """... to this far below the iliac spines, where the hips are wide [mm]."""
-STEP = 8.0
+HEIGHT_STEP = 8.0
 """Distance of the heights at which it is taken [mm]."""
 SHALLOW = 1.0
 """A side whose outline is straight to within this has no hollow, and no height of one [mm]."""
@@ -144,7 +144,7 @@ def silhouette_of(skin: Surface, spine: Spine, line: SacralLine, pelvis: float) 
     if TOP not in spine.levels:
         return None
     top = spine.centroids[spine.levels.index(TOP), 2]
-    heights = np.arange(max(pelvis - BELOW, skin.vertices[:, 2].min() + 1.0), top, STEP)
+    heights = np.arange(max(pelvis - BELOW, skin.vertices[:, 2].min() + 1.0), top, HEIGHT_STEP)
     if len(heights) < 5 or heights[0] > pelvis:
         return None
     aside, z = (skin.vertices[:, :2] - line.point) @ line.across, skin.vertices[:, 2]

@@ -148,7 +148,7 @@ def labels_from_mesh(trunk: TrunkMesh, path: Path) -> np.ndarray:
     return labels[nearest].astype(np.int8)
 
 
-STEP = 1e-3
+SURFACE_STEP = 1e-3
 """How far a surface between layers is moved to either side for a derivative [mm]."""
 LayersFrom = Literal["none", "depth", "mesh"]
 
@@ -198,8 +198,8 @@ def thickness_derivatives(trunk: TrunkMesh, layers: Layers) -> dict[str, np.ndar
         By name of a thickness in `Layers`, shape (tets, layers) [1/mm]; each row adds up to 0.
     """
     bottoms = layers.bottoms(len(trunk.skin_nodes))
-    high, low = np.split(part_above(trunk, np.vstack([bottoms + STEP, bottoms - STEP])), 2)
-    by_skin, by_fat = (high - low) / (2.0 * STEP)
+    high, low = np.split(part_above(trunk, np.vstack([bottoms + SURFACE_STEP, bottoms - SURFACE_STEP])), 2)
+    by_skin, by_fat = (high - low) / (2.0 * SURFACE_STEP)
     return {
         "skin_thickness": np.stack([by_skin, by_fat - by_skin, -by_fat], axis=1),
         "fat_thickness": np.stack([np.zeros_like(by_fat), by_fat, -by_fat], axis=1),

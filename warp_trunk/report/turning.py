@@ -20,7 +20,7 @@ import numpy as np
 from warp_trunk.geometry.surface import directed_edges
 from warp_trunk.views.clothing import SHORTS_FACES, cloth_faces, open_back
 
-STEP = 0.04
+ROUNDED_TO = 0.04
 """Places are rounded to this [mm]."""
 
 
@@ -83,7 +83,7 @@ def turning(
         (cloth, [state.cloth.reshape(-1, 3) for state in states]),
     ):
         packed += [first.ravel() & 0xFFFF, first.ravel() >> 16]
-        whole = [np.round((place - low) / STEP).astype(np.int64) for place in places]
+        whole = [np.round((place - low) / ROUNDED_TO).astype(np.int64) for place in places]
         for number, place in enumerate(whole):
             packed += list((place - whole[0] * bool(number)).T)
     for state in states:
@@ -101,7 +101,7 @@ def turning(
         "cloth": states[0].cloth.size // 3,
         "clothFaces": len(cloth),
         "shortsFaces": SHORTS_FACES,
-        "step": STEP,
+        "step": ROUNDED_TO,
         "middle": np.round((high - low) / 2.0, 2).tolist(),
         "size": np.round(high - low, 2).tolist(),
         "palette": np.round(palette, 4).ravel().tolist(),

@@ -53,7 +53,7 @@ from .summary import Summary, read_summary, write_summary
 
 LEAST_SPACE = 200e6
 """Free space that a result folder needs [bytes]; the largest results seen take a third of it."""
-AGAIN = "simulate the case again"
+SIMULATE_AGAIN = "simulate the case again"
 
 
 @dataclass(eq=False, kw_only=True, repr=False)
@@ -277,19 +277,19 @@ def read_result(folder: str | Path) -> Result:
 
     def present(name: str) -> Path:
         if not (folder / name).is_file():
-            raise InputError(f"{folder / name}: is missing, though {SUMMARY} is there; {AGAIN}")
+            raise InputError(f"{folder / name}: is missing, though {SUMMARY} is there; {SIMULATE_AGAIN}")
         return folder / name
 
     before, after = (read_surface(present(name)) for name in (SKIN_BEFORE, PREDICTED_SKIN))
     if not np.array_equal(before.faces, after.faces) or before.vertices.shape != after.vertices.shape:
         other = f"its vertices or faces are not those of {SKIN_BEFORE}"
-        raise InputError(f"{folder / PREDICTED_SKIN}: {other}; {AGAIN}")
+        raise InputError(f"{folder / PREDICTED_SKIN}: {other}; {SIMULATE_AGAIN}")
     planned = reached = NO_LANDMARKS
     if summary.has_spine or (folder / LANDMARKS_BEFORE).exists():
         planned, reached = (read_landmarks(present(name)) for name in (LANDMARKS_BEFORE, LANDMARKS_AFTER))
     if planned.names != reached.names:
         rule = f"its names must be those of {LANDMARKS_BEFORE}, in their order"
-        raise InputError(f"{folder / LANDMARKS_AFTER}: {rule}; {AGAIN}")
+        raise InputError(f"{folder / LANDMARKS_AFTER}: {rule}; {SIMULATE_AGAIN}")
     plans = [file for file in (folder / PLAN, folder / MOTIONS) if file.is_file()]
     recording = folder / RECORDING
     return Result(

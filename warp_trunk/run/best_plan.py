@@ -31,11 +31,11 @@ from .sources import effect_of, sources_of
 Aim = Literal["hump", "bsr"]
 AIMS = {"hump": ("hump_mm", "hump", "mm"), "bsr": ("bsr_deg", "back surface rotation", "degrees")}
 """The quantity of each whose largest value is to be small, and it in words with its unit."""
-MOST = 9
+MOST_RELAXATIONS = 9
 """Relaxations of a search, that of the plan as given included."""
-ENOUGH = 2e-4
+LEAST_GAIN = 2e-4
 """Part of the aim by which a step must be expected to lower it."""
-STEP = 1e-3
+SHARE_STEP = 1e-3
 """Change of a share to either side for what it does to landmarks, a closed formula to 1e-5 of it."""
 
 
@@ -111,7 +111,7 @@ class Search:
         """How landmarks after surgery move with each share [mm], shape (landmarks, 3) each."""
         moves = []
         for place, share in enumerate(shares):
-            ends = min(share + STEP, 1.0), max(share - STEP, 0.0)
+            ends = min(share + SHARE_STEP, 1.0), max(share - SHARE_STEP, 0.0)
             upper, lower = (
                 self.planned([*shares[:place], end, *shares[place + 1 :]]).planned_landmarks.points for end in ends
             )
@@ -159,7 +159,7 @@ def best_plan(
     execution: Execution | None = None,
     *,
     progress: Progress | None = None,
-    most: int = MOST,
+    most: int = MOST_RELAXATIONS,
 ) -> BestPlan:
     """Find the plan within bounds whose largest hump or back surface rotation is smallest.
 
@@ -268,7 +268,7 @@ def _minimise(bounds: Sequence[Bound], first: PlanTrial, trial_of: Callable[[Seq
         bounds=[*((0.0, 1.0) for _ in width), (0.0, None)],
         constraints={"type": "ineq", "fun": slack, "jac": slack_slopes},
         method="SLSQP",
-        options={"ftol": ENOUGH},
+        options={"ftol": LEAST_GAIN},
     )
 
 

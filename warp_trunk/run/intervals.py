@@ -286,7 +286,7 @@ def _changes(derivatives: np.ndarray, fields: np.ndarray) -> np.ndarray:
     return derivatives.reshape(-1, size) @ fields.reshape(-1, size).T
 
 
-STEP = 1e-3
+READING_STEP = 1e-3
 """How far a landmark is moved for a derivative [mm]."""
 OBLIQUE = np.array([0.7, 0.5, 0.3])
 """A generic direction, on which every measure depends."""
@@ -344,9 +344,9 @@ def _readings(
         return [there.get(name, np.nan) - base[name] for name in values]
 
     for row in range(len(marks.points)):
-        if any(moved(row, STEP * OBLIQUE)):  # most landmarks are read by no measure
+        if any(moved(row, READING_STEP * OBLIQUE)):  # most landmarks are read by no measure
             for axis in range(3):
-                derivative[:, row, axis] = np.divide(moved(row, STEP * np.eye(3)[axis]), STEP)
+                derivative[:, row, axis] = np.divide(moved(row, READING_STEP * np.eye(3)[axis]), READING_STEP)
     known = np.isfinite(derivative).all(axis=(1, 2)).tolist()
     return {name: values[name] for name, one in zip(values, known, strict=True) if one}, derivative[known]
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Scene:
+class RunChoices:
     """The choices that decide which options are read."""
 
     options: RunOptions
@@ -47,17 +47,17 @@ class Scene:
 class Reader:
     """Where an option is read, and what to add or leave out where it is not."""
 
-    reads: Callable[[Scene], bool]
+    reads: Callable[[RunChoices], bool]
     """Whether a scene reads it."""
     add: tuple[str, str] = ("", "")
     """An option and its value that make it count."""
     without: str = ""
     """An option that, where it is given, stands in its way."""
-    reported: Callable[[Scene], bool] = lambda scene: False
+    reported: Callable[[RunChoices], bool] = lambda scene: False
     """Whether a scene reports it, though it moves nothing there."""
 
 
-def _springs(scene: Scene) -> bool:
+def _springs(scene: RunChoices) -> bool:
     """Whether every symbol of eq. 4.6 is reported, also where only ratios count."""
     return scene.springs
 
@@ -98,7 +98,7 @@ def refuse_unread(options: RunOptions, case: Case | None = None) -> None:
         options: what is simulated; an option that has its default is not set.
         case: the patient; options that some case reads are read where it is left out.
     """
-    scene = Scene(options, layered=case is None or layers_from(case, options) != "none")
+    scene = RunChoices(options, layered=case is None or layers_from(case, options) != "none")
     for name, called in (*_set_options(options), *(() if case is None else _set_constants(case))):
         reader = READERS.get(name)
         if reader is None or reader.reads(scene) or reader.reported(scene):

@@ -13,7 +13,7 @@ from support.asserting import there
 from warp_trunk.geometry.coarsening import without_slivers
 from warp_trunk.geometry.colours import as_colours, coloured_from
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.io.point_files import read_scan
+from warp_trunk.io.point_files import read_back
 from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.io.surface_files.morph import skin_glb
 
@@ -63,7 +63,7 @@ def test_numbers_of_every_range_are_told_apart(tmp_path, kind):
     path = tmp_path / ("a.obj" if kind.startswith("OBJ") else "a.ply")
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     np.testing.assert_array_equal(read_surface(path).colours, COLOURS)
-    points, colours = read_scan(path)
+    points, colours = read_back(path)
     assert colours is not None
     assert len(points) == len(colours) > len(SKIN.vertices)
 

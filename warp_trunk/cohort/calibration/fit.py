@@ -11,7 +11,7 @@ import numpy as np
 CONFIDENCE = 0.95
 MOST_EVALUATIONS = 12
 """Rounds over all cases; four to six are usual."""
-ENOUGH = 2e-3
+LEAST_STEP = 2e-3
 """A step smaller than this part of what is believed of each constant ends the search."""
 
 Piece = tuple[np.ndarray, np.ndarray]
@@ -72,7 +72,7 @@ def find(evaluate: Evaluate, prior: Prior) -> Fit:
         derivative,
         bounds=(prior.low, prior.high),
         x_scale=prior.sd,
-        xtol=ENOUGH,
+        xtol=LEAST_STEP,
         ftol=1e-5,
         gtol=None,
         max_nfev=MOST_EVALUATIONS,

@@ -14,7 +14,7 @@ from warp_trunk.case.rib_coupling import LIMITS, RANGES
 from warp_trunk.case.tissue_file import CONSTANT_NAMES, RIBS
 from warp_trunk.case.uncertainty import FACTORS, Uncertainty
 from warp_trunk.engine.tissue import TISSUE_LIMITS
-from warp_trunk.errors import InputError, nearest
+from warp_trunk.errors import InputError, closest_name
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -104,7 +104,7 @@ def check_free(names: Sequence[str], case: Case, options: RunOptions) -> None:
         )
     for number, name in enumerate(names):
         if name not in CONSTANT_NAMES:
-            hint = nearest(name, CONSTANT_NAMES)
+            hint = closest_name(name, CONSTANT_NAMES)
             raise InputError(f"--free: there is no constant '{name}'{hint}; known are {', '.join(CONSTANT_NAMES)}")
         if name in names[:number]:
             raise InputError(f"--free: '{name}' is given twice; give it once")

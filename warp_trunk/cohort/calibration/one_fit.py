@@ -46,7 +46,7 @@ SETTLED = 0.1
 two bones deep inside, where a relaxation ends STALLED, leaves less open."""
 MOST_KEPT = 16
 """Cases of which a worker keeps mesh and places between rounds, of some 30 MB each."""
-STEP = 1e-2
+CONSTANT_STEP = 1e-2
 """Part of what is believed of a constant by which it is changed for a difference."""
 
 
@@ -178,7 +178,7 @@ def _distance(points: np.ndarray, actual: Surface) -> tuple[np.ndarray, np.ndarr
 
 def _bones_moved(case: Case, prediction: Prediction, free: FreeConstant) -> np.ndarray:
     """Change of the places of bones with a share of the ribs [mm], shape (nodes, 3)."""
-    value, step = getattr(case.rib_coupling, free.constant), STEP * free.believed
+    value, step = getattr(case.rib_coupling, free.constant), CONSTANT_STEP * free.believed
     low, high = max(value - step, LIMITS[free.constant][0]), min(value + step, LIMITS[free.constant][1])
     lower, upper = (
         prediction.patient.path_of(with_constants(case, {free.name: end})).at(1.0) for end in (low, high)
