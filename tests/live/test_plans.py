@@ -18,8 +18,8 @@ from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.case.motions import Motion, Turn, rigid_motions
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import RigidMotion
-from warp_trunk.live.kept import KeptPlans
 from warp_trunk.live.number_table import WAITING, numbers_html
+from warp_trunk.live.saved_plans import KeptPlans
 from warp_trunk.live.session import PlanView
 from warp_trunk.live.sliders import Controls, MotionSliders, SpineSliders, first_state, with_handles
 from warp_trunk.measures import measure

@@ -23,7 +23,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume
 from warp_trunk.io.surface_files import write_surface
-from warp_trunk.measures.part import agreement, swept_volumes
+from warp_trunk.measures.body_part import agreement, swept_volumes
 from warp_trunk.measures.quantities import MeasureTable
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.report.writing import write_report

@@ -25,7 +25,7 @@ from warp_trunk.io.result_files import PREDICTED_SKIN, SUMMARY
 from warp_trunk.io.surface_files import read_surface, surface_files
 from warp_trunk.measures.back import measure_back
 from warp_trunk.results import Result, read_result, read_summary
-from warp_trunk.results.judging import judged, write_measures
+from warp_trunk.results.judgement import judged, write_measures
 from warp_trunk.run.progress import Progress
 
 from .output import OK, next_command

@@ -19,10 +19,10 @@ from warp_trunk.io.atomic_write import json_text, write_whole
 from warp_trunk.io.records import read_json
 from warp_trunk.io.result_files import MEASURES
 from warp_trunk.measures import measure
-from warp_trunk.measures.part import agreement
+from warp_trunk.measures.body_part import agreement
 from warp_trunk.measures.quantities import ACTUAL, BEFORE, PREDICTED, Measured, MeasureTable, measured
 from warp_trunk.results import Result
-from warp_trunk.results.judging import judged, write_measures
+from warp_trunk.results.judgement import judged, write_measures
 from warp_trunk.results.summary import versions
 from warp_trunk.run.options import Execution, RunOptions, parameters
 from warp_trunk.run.progress import Progress

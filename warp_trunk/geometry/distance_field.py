@@ -13,7 +13,7 @@ import warp as wp
 from warp_trunk.kernels.starting import start_warp
 from warp_trunk.kernels.surface import nearest_on_mesh, signed_distance
 
-from .cores import each_over_cores, launch_over_cores
+from .core_threads import each_over_cores, launch_over_cores
 from .surface import Surface
 
 Box = tuple[slice, ...]

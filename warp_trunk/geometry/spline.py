@@ -14,7 +14,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.kernels.spline import spline_displacement, spline_gradient
 from warp_trunk.kernels.starting import ENGINE, start_warp
 
-from .cores import launch_over_cores
+from .core_threads import launch_over_cores
 
 _VECTOR: Any = wp.vec3d  # Any: warp's stubs know scalar types only
 _MATRIX: Any = wp.mat33d

@@ -10,7 +10,7 @@ import warp as wp
 from warp_trunk.errors import InputError
 from warp_trunk.kernels.surface import crossing_faces
 
-from .cores import launch_over_cores
+from .core_threads import launch_over_cores
 from .distance_field import search_tree
 from .surface import Surface, area_vectors, compact, directed_edges
 

@@ -6,9 +6,9 @@ from typing import Any
 from warp_trunk.bone_motion.plan import PlannedSurgery
 from warp_trunk.case import Case
 from warp_trunk.measures import TrunkMeasures
+from warp_trunk.measures.body_part import follow_points
 from warp_trunk.measures.measures import measure_spine
 from warp_trunk.measures.number_text import MISSING, number
-from warp_trunk.measures.part import follow_points
 from warp_trunk.measures.quantities import MeasureTable, measured
 from warp_trunk.measures.rows import skin_rows, spine_rows
 from warp_trunk.report.page import environment

@@ -14,10 +14,10 @@ from warp_trunk.errors import InputError
 from warp_trunk.measures import measure
 from warp_trunk.run.patient import PreparedPatient
 
-from .kept import KeptPlans
 from .loopback import LoopbackServer
 from .number_table import line_html, numbers_html, status_html
 from .page_scene import SIDES, PageScene
+from .saved_plans import KeptPlans
 from .session import Latest, PlanView, Session, worker
 from .sliders import Controls, Sliders, SpineSliders, first_state
 

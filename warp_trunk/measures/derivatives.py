@@ -196,8 +196,8 @@ def waist_derivatives(skin: Surface, landmarks: Landmarks) -> dict[str, Derivati
     by_vertex = np.zeros((2, *skin.vertices.shape))
     for side, row in product(range(2), range(len(heights))):
         moved = widths.copy()
-        moved[side, row] += STEP
-        by_width = (numbers(heights, moved, pelvis) - values) / STEP * (1.0 if side == 0 else -1.0)
+        moved[side, row] += DIFFERENCE_STEP
+        by_width = (numbers(heights, moved, pelvis) - values) / DIFFERENCE_STEP * (1.0 if side == 0 else -1.0)
         edge = outline.edges[side, row]
         (a, b), (z_a, z_b) = (skin.vertices[edge, :2] - line.point) @ line.across, skin.vertices[edge, 2]
         share = (heights[row] - z_a) / (z_b - z_a)
@@ -209,10 +209,10 @@ def waist_derivatives(skin: Surface, landmarks: Landmarks) -> dict[str, Derivati
         if not landmarks.names[row].startswith((TOP, *_SACRAL, *_ILIAC)):
             continue
         points = landmarks.points.copy()
-        points[row, axis] += STEP
+        points[row, axis] += DIFFERENCE_STEP
         there, _, level = outline_of(replace(landmarks, points=points))
         if there is not None and len(there.heights) == len(heights):
-            by_landmark[:, row, axis] = (numbers(there.heights, there.widths, level) - values) / STEP
+            by_landmark[:, row, axis] = (numbers(there.heights, there.widths, level) - values) / DIFFERENCE_STEP
     return {
         name: Derivative(float(values[i]), by_vertex[i], by_landmark[i])
         for i, name in enumerate(("waist_depth_mm", "waist_height_mm"))

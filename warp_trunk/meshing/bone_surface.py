@@ -9,7 +9,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import coarsen
-from warp_trunk.geometry.cores import each_over_cores
+from warp_trunk.geometry.core_threads import each_over_cores
 from warp_trunk.geometry.distance_field import Box, Grid, SurfaceDistance, connected, nearest_surface, zero_surface
 from warp_trunk.geometry.surface import Surface, check_surface
 from warp_trunk.geometry.surface_checks import crossings, manifold_fault, place_of

@@ -17,9 +17,9 @@ from warp_trunk.engine.simulation import ON_THE_WAY
 from warp_trunk.geometry.surface import corner_areas
 from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.measures import SkinComparison
+from warp_trunk.measures.body_part import FollowedPoint, agreement_rows, profile, swept_volumes
 from warp_trunk.measures.levels import JUDGED
 from warp_trunk.measures.number_text import MISSING, number, value_text
-from warp_trunk.measures.part import FollowedPoint, agreement_rows, profile, swept_volumes
 from warp_trunk.measures.quantities import ACTUAL, BEFORE, DETECTABLE, EXACT, PREDICTED, QUANTITIES, MeasureTable
 from warp_trunk.measures.rows import MeasureRow, curve_heading, measure_rows, rotation_table, under_headings
 from warp_trunk.measures.skin_quality import LOOK, STRETCH

@@ -12,7 +12,7 @@ from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks
 from warp_trunk.geometry.surface import Surface, area_vectors
 from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.measures import measure
-from warp_trunk.measures.part import agreement
+from warp_trunk.measures.body_part import agreement
 from warp_trunk.measures.quantities import MeasureTable
 from warp_trunk.views.relief import BEHIND, FRONT, LEFT, RIGHT, Viewpoint
 

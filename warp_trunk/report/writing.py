@@ -19,7 +19,7 @@ from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.folders import make_writable
 from warp_trunk.io.result_files import PAGE, PICTURES, picture_source
 from warp_trunk.measures import compare_skins
-from warp_trunk.measures.part import agreement
+from warp_trunk.measures.body_part import agreement
 from warp_trunk.measures.quantities import LIKELY, QUANTITIES, Measured, MeasureTable, measured
 from warp_trunk.measures.skin_quality import skin_change
 from warp_trunk.measures.verdicts import is_known

@@ -30,6 +30,8 @@ class _Numbers:
     slopes: dict[str, float | None]
     waist: Waist | None
     shoulders: Shoulders | None
+    unseen_humps: frozenset[str]
+    unseen_flanks: frozenset[str]
     skin_change_max: float | None
     skin_change_mean: float | None
     missing: dict[str, str] = field(default_factory=dict)
@@ -45,6 +47,8 @@ def write_sections(path: Path, states: Mapping[str, TrunkMeasures]) -> None:
             slopes=measures.slopes,
             waist=measures.waist,
             shoulders=measures.shoulders,
+            unseen_humps=measures.unseen_humps,
+            unseen_flanks=measures.unseen_flanks,
             skin_change_max=measures.skin_change_max,
             skin_change_mean=measures.skin_change_mean,
             missing=measures.missing,
@@ -106,6 +110,8 @@ def _measured(
         slopes=numbers.slopes,
         waist=numbers.waist,
         shoulders=numbers.shoulders,
+        unseen_humps=numbers.unseen_humps,
+        unseen_flanks=numbers.unseen_flanks,
         skin_change_max=numbers.skin_change_max,
         skin_change_mean=numbers.skin_change_mean,
         missing=numbers.missing,

@@ -16,7 +16,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures, measure
-from warp_trunk.measures.part import chest_indices, follow_points, is_of_chest
+from warp_trunk.measures.body_part import chest_indices, follow_points, is_of_chest
 from warp_trunk.measures.quantities import ACTUAL, BEFORE, PREDICTED, MeasureTable, measured
 from warp_trunk.measures.skin_quality import SkinQuality, skin_quality
 from warp_trunk.meshing import predicted_skin

@@ -23,7 +23,7 @@ from warp_trunk.errors import as_path
 from warp_trunk.io.atomic_write import json_text
 from warp_trunk.io.records import read_json
 from warp_trunk.io.result_files import SUMMARY
-from warp_trunk.measures.part import FollowedPoint
+from warp_trunk.measures.body_part import FollowedPoint
 from warp_trunk.measures.quantities import ACTUAL, Measured
 from warp_trunk.measures.skin_quality import SkinQuality
 from warp_trunk.spine import CobbAngle

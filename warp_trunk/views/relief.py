@@ -153,7 +153,7 @@ def _first_hits(vertices: np.ndarray, faces: np.ndarray, seen: Window) -> tuple[
     """The face seen in each pixel, -1 for none, and the weights of its corners (rows, columns, 3)."""
     import warp as wp
 
-    from warp_trunk.geometry.cores import launch_over_cores
+    from warp_trunk.geometry.core_threads import launch_over_cores
     from warp_trunk.geometry.distance_field import search_tree
     from warp_trunk.kernels.surface import first_hit
 

@@ -21,7 +21,7 @@ from warp_trunk.case.layers import Layers
 from warp_trunk.case.uncertainty import ON_BONES, Uncertainty
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import without_slivers
-from warp_trunk.geometry.cores import each_over_cores
+from warp_trunk.geometry.core_threads import each_over_cores
 from warp_trunk.geometry.cutting import CutPlane
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import slivers

@@ -6,7 +6,7 @@ import pytest
 from support.meshes import block
 from support.synthetic import box
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures.part import chest_indices, profile, tissue_volume_change
+from warp_trunk.measures.body_part import chest_indices, profile, tissue_volume_change
 
 BONES = {
     "T8": box((30.0, 30.0, 160.0), (0.0, 50.0, 0.0), splits=3),

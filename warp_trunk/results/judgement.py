@@ -11,8 +11,8 @@ import numpy as np
 
 from warp_trunk.io.atomic_write import csv_text, json_text, write_whole
 from warp_trunk.measures import compare_skins, measure
+from warp_trunk.measures.body_part import agreement, agreement_rows, tissue_volume_change
 from warp_trunk.measures.comparison import comparison_rows
-from warp_trunk.measures.part import agreement, agreement_rows, tissue_volume_change
 from warp_trunk.measures.quantities import ACTUAL, COLUMNS, PREDICTED, Measured, MeasureTable, measured
 from warp_trunk.measures.rows import comparison_text, measures_text
 
