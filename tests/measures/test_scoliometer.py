@@ -9,8 +9,9 @@ from support.known_spine import known_spine
 from support.phantoms import whole_phantom
 from support.trunk_shapes import ellipse, flat_back, rotation, spine, tube
 from warp_trunk.measures import measure, measure_back
-from warp_trunk.measures.quantities import MeasureTable
+from warp_trunk.measures.quantities import Measured, MeasureTable
 from warp_trunk.measures.scoliometer import forward_bend, scoliometer_on, slope_between
+from warp_trunk.report.sentences import bent
 from warp_trunk.spine.cobb import disc_angles_of, tilts_of
 from warp_trunk.spine.spine import spine_of
 
@@ -79,3 +80,17 @@ def test_trunk_length_and_angle_of_the_shoulders() -> None:
     if shoulders is not None:
         wide = shoulders.inner + shoulders.outer
         assert math.tan(math.radians(shoulders.angle)) == pytest.approx(shoulders.difference / wide)
+
+
+def test_the_report_names_the_forward_bend_with_its_interval() -> None:
+    """Where it shows most before: T11, 12 to 7 degrees, of patients 7 +- 1.96 * 4.6."""
+    rows = [
+        Measured(state, level, "forward_bend_deg", value)
+        for state, values in (("before", {"T11": -12.0, "L1": 5.0}), ("predicted", {"T11": -7.0, "L1": 9.0}))
+        for level, value in values.items()
+    ]
+    words = bent(MeasureTable(rows))
+    assert "at T11" in words
+    assert "about −7 degrees after −12" in words
+    assert "−16 to 2" in words
+    assert bent(MeasureTable([])) == ""

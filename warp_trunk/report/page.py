@@ -26,7 +26,7 @@ from warp_trunk.measures.skin_quality import LOOK, STRETCH
 from warp_trunk.results.summary_text import spring_lines
 
 from .headlines import Headline, headlines
-from .sentences import joined, option_rows, planned, questions, sentences
+from .sentences import bent, joined, option_rows, planned, questions, sentences
 from .style import TrunkState
 from .turning import Turning, script
 
@@ -74,6 +74,7 @@ def page(
         joined=joined(plan),
         plan_words="" if plan is None else plan_words(plan),
         planned=planned(table, curves, list(table.column(BEFORE, "bsr_deg")), plan, summary.lenke),
+        bent=bent(table),
         fingerprint=result.fingerprint,
         sheet=sheet_of(result),
         sentences=sentences(table, shown, comparison, summary.bands, plan),

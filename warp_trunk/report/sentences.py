@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,17 @@ from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.tissue import GRAVITY_LIMITS, RIGIDITY_LIMITS, Tissue
 from warp_trunk.io.records import units_of
 from warp_trunk.measures import SkinComparison
-from warp_trunk.measures.quantities import BEFORE, DETECTABLE, PREDICTED, QUANTITIES, Measured, MeasureTable
+from warp_trunk.measures.levels import largest_at
+from warp_trunk.measures.quantities import (
+    BEFORE,
+    DETECTABLE,
+    PREDICTED,
+    QUANTITIES,
+    WIDTH,
+    Measured,
+    MeasureTable,
+)
+from warp_trunk.measures.scoliometer import BENT, BENT_SD
 from warp_trunk.measures.verdicts import NOT_KNOWN, is_known
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.spine import CobbAngle
@@ -116,6 +127,23 @@ def planned(
             several = len(some) > 1
             texts.append(text.format(_listed(some), s="s" * several, v="" if several else "s"))
     return " ".join(texts)
+
+
+def bent(table: MeasureTable) -> str:
+    """What a scoliometer would show in the forward bend, where it shows most before, for the surgeon; empty where
+    the standing back says nothing."""
+    level = largest_at(table.values(BEFORE, "forward_bend_deg"), tuple(BENT))
+    before, after = (
+        None if level is None else table.row(state, "forward_bend_deg", level) for state in (BEFORE, PREDICTED)
+    )
+    if before is None or before.value is None or after is None or after.value is None:
+        return ""
+    sd = BENT_SD if math.isnan(after.sd) else after.sd
+    least, most = (after.value + side * WIDTH * sd for side in (-1.0, 1.0))
+    return minus(
+        f"A scoliometer at {level} in the forward bend would show about {after.value:.0f} degrees after "
+        f"{before.value:.0f}, and in 95 % of patients {least:.0f} to {most:.0f}; the right side is positive."
+    )
 
 
 def band_sentence(table: MeasureTable, bands: Bands | None) -> str:
