@@ -17,7 +17,7 @@ import numpy as np
 import tyro
 from trunks import read_trunk, trunks_in
 
-from warp_trunk import InputError, RunOptions, SpineCurve, make_case
+from warp_trunk import Execution, InputError, RunOptions, SpineCurve, make_case
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_surgery
 from warp_trunk.case import Case
 from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
@@ -163,15 +163,14 @@ def planned(cases: Sequence[tuple[Case, Plan]]) -> list[Change]:
 def simulated(cases: Sequence[tuple[Case, Plan]], options: Options) -> list[Change]:
     """Cases whose tissue is relaxed, before and after."""
     run = RunOptions(
-        mesh=MeshOptions(tets=options.tets, bone_edge_length=options.bone_edge, cache=False),
+        mesh=MeshOptions(tets=options.tets, bone_edge_length=options.bone_edge),
         simulation=SimulationOptions(increments=options.increments, relax=RelaxOptions(tolerance=1.0)),
-        threads=options.threads,
-        record=False,
     )
+    execution = Execution(threads=options.threads, cache=False)
     found = []
     for case, plan in cases:
         skin = coarsen(case.skin, options.skin_edge, 0.2 * options.skin_edge) if options.skin_edge else case.skin
-        patient = patient_of(dataclasses.replace(case, skin=skin), run)
+        patient = patient_of(dataclasses.replace(case, skin=skin), run, execution=execution)
         after = dataclasses.replace(patient.case, landmarks_after=plan_surgery(case, plan).landmarks_after)
         prediction = prepare_plan(patient, after).relax()
         status = prediction.last.relaxation.status
