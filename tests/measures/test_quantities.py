@@ -2,6 +2,7 @@
 
 import re
 
+import numpy as np
 import polars as pl
 import pytest
 
@@ -28,7 +29,7 @@ def turned():
 
 def test_the_table_has_every_number_once_and_is_one_of_polars(turned):
     table = MeasureTable([*measured("predicted", turned[0]), *comparison_rows(turned[1])])
-    frame = pl.DataFrame(table.to_rows())
+    frame = pl.DataFrame(table.to_columns())
     assert tuple(frame.columns) == COLUMNS
     assert len(frame.unique(["state", "level", "quantity"])) == len(frame) == len(table.rows)
     assert {row.quantity for row in table.rows if row.state == "predicted"} <= QUANTITIES.keys()
@@ -147,3 +148,15 @@ def test_a_number_whose_interval_is_wider_than_what_it_says_is_dropped():
     """Half of the interval is 11.8: more than 9, than the change of 3, and than 5 that can be seen."""
     assert compared_row("shoulder_difference_mm", 6.0, 9.0, 6.0)[2:] == ["not known", "–"]
     assert compared_row("shoulder_difference_mm", 6.0, 9.0, 4.0)[2:] == ["9.0 right", "3.0 worse"]
+
+
+@pytest.mark.parametrize("first", [None, 1.0])
+def test_columns_are_typed_also_where_the_first_thousand_numbers_are_not_known(first):
+    """polars infers types of dictionaries from the first hundred rows."""
+    rows = [Measured("before", "T8", "bsr_deg", 1.0, first, first)] * 1000
+    rows += [Measured("predicted", "T8", "bsr_deg", None, 0.5, 2.0)]
+    frame = pl.DataFrame(MeasureTable(rows).to_columns())
+    assert frame.schema["low"] == frame.schema["value"] == pl.Float64
+    assert frame["low"][-1] == 0.5
+    assert frame["state"].to_list()[-2:] == ["before", "predicted"]
+    assert np.isnan(frame["value"].to_numpy()[-1])

@@ -8,6 +8,8 @@ from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+
 from warp_trunk.case.anatomy import LUMBAR, THORACIC
 from warp_trunk.spine.apical import apical_vertebrae
 from warp_trunk.spine.cobb import angles_between
@@ -347,5 +349,11 @@ class MeasureTable:
         return MeasureTable([*kept, *(row for key, row in new.items() if key not in known)])
 
     def to_rows(self) -> list[dict[str, Any]]:
-        """The rows as dictionaries of `COLUMNS`, for pandas or polars as they are."""
+        """The rows as dictionaries of `COLUMNS`; a number that is not known is None."""
         return [asdict(row) for row in self.rows]
+
+    def to_columns(self) -> dict[str, np.ndarray]:
+        """The rows as arrays by `COLUMNS`, for pandas or polars as they are: texts, and float64 with NaN where a
+        number is not known, also where all of a column are."""
+        kinds = dict.fromkeys(COLUMNS[:3], np.str_) | dict.fromkeys(COLUMNS[3:], np.float64)
+        return {name: np.array([getattr(row, name) for row in self.rows], dtype=kinds[name]) for name in COLUMNS}

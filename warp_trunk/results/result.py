@@ -150,7 +150,7 @@ class Result:
     def to_rows(self) -> list[dict[str, Any]]:
         """Every measured number as a row of state, level, quantity, value, low and high, as summary.json has it.
 
-        >>> rows = result.to_rows()  # pandas.DataFrame(rows) or polars.DataFrame(rows)
+        >>> rows = result.to_rows()
         >>> [row["level"] for row in rows if row["state"] == "before" and row["quantity"] == "cobb_deg"]
         ['T1-T5', 'T5-T12', 'T12-L5']
 
@@ -159,6 +159,18 @@ class Result:
             bands.
         """
         return self.table.to_rows()
+
+    def to_columns(self) -> dict[str, np.ndarray]:
+        """The same numbers as a typed array for each column, which pandas and polars read as they are.
+
+        >>> columns = result.to_columns()  # pandas.DataFrame(columns) or polars.DataFrame(columns)
+        >>> columns["low"].dtype.name
+        'float64'
+
+        Returns:
+            By column, shape (rows,) each; NaN where a number is not known.
+        """
+        return self.table.to_columns()
 
     @property
     def measures(self) -> TrunkMeasures:
