@@ -2,6 +2,7 @@
 
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,9 +12,10 @@ from support.report_results import write_small_result
 from support.trunk_shapes import posed
 from warp_trunk.cli import main
 from warp_trunk.errors import InputError
-from warp_trunk.measures.quantities import MeasureTable
+from warp_trunk.measures.quantities import Measured, MeasureTable
 from warp_trunk.measures.rows import measure_rows
 from warp_trunk.report.plans import apart_of, apart_table, differences
+from warp_trunk.report.plots import rotation_plot
 from warp_trunk.report.style import BEFORE, PLANS
 from warp_trunk.report.writing import write_comparison
 from warp_trunk.results import read_result
@@ -100,3 +102,15 @@ def test_another_patient_a_plan_given_twice_and_too_many_are_refused(tmp_path):
         write_comparison([read_result(one)] * 2)
     with pytest.raises(InputError, match="from 2 to 4 results"):
         write_comparison([read_result(one)] * 5)
+
+
+def test_t1_and_t2_set_no_scale_of_the_rotations(three):
+    before, _ = three
+    rows = [
+        Measured(row.state, row.level, row.quantity, 80.0 if row.level in ("T1", "T2") else 9.0)
+        for row in before.table.rows
+        if row.quantity == "bsr_deg"
+    ]
+    (axes,) = rotation_plot([replace(before, table=MeasureTable(rows))]).axes
+    least, most = axes.get_xlim()
+    assert -4.0 < least < most < 12.0

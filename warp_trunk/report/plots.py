@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.engine.simulation import ON_THE_WAY
+from warp_trunk.measures.levels import JUDGED
 from warp_trunk.measures.number_text import sided
 from warp_trunk.views.relief import in_pelvis
 
@@ -20,7 +21,8 @@ if TYPE_CHECKING:
 
 
 def rotation_plot(poses: Sequence[TrunkState], *, bands: bool = True) -> Figure:
-    """The angle of every state at every level, top to bottom; a level that was not measured leaves a gap.
+    """The angle of every state at every level, top to bottom; a level that was not measured leaves a gap, and the
+    rest of T1 and T2 beyond the others is cut off.
 
     Args:
         poses: the states, before surgery first.
@@ -48,13 +50,22 @@ def rotation_plot(poses: Sequence[TrunkState], *, bands: bool = True) -> Figure:
                 axes.plot([row.low, row.high], [place] * 2, "|-", color=look.colour, alpha=0.5)
     axes.set_yticks(range(len(levels)), levels)
     axes.set_ylim(len(levels) - 0.4, -0.6)
-    least, most = axes.get_xlim()
-    axes.set_xlim(min(least, -2.0), max(most, 2.0))
+    least, most = _extent(poses, bands=bands)
+    axes.set_xlim(least, most)
     axes.grid()
     axes.set_xlabel("← left side further back      back surface rotation [degrees]      right side further back →")
     axes.set_ylabel("vertebra")
     figure.legend(loc="outside upper center", ncols=len(poses))
     return figure
+
+
+def _extent(poses: Sequence[TrunkState], *, bands: bool) -> tuple[float, float]:
+    """Ends of the axis that hold every rotation of the levels that are judged [degrees]: T1 and T2 set no scale."""
+    rows = [row for pose in poses for level, row in pose.column("bsr_deg").items() if level in JUDGED]
+    ends = [end for row in rows for end in ((row.low, row.value, row.high) if bands else (row.value,))]
+    known = [-2.0, 2.0, *(end for end in ends if end is not None)]
+    spare = 0.05 * (max(known) - min(known))
+    return min(known) - spare, max(known) + spare
 
 
 def convergence_plot(summary: Summary) -> Figure:
