@@ -12,9 +12,9 @@ from support.report_results import write_small_result
 from support.trunk_shapes import posed
 from warp_trunk.cli import main
 from warp_trunk.errors import InputError
-from warp_trunk.measures.quantities import Measured, MeasureTable
-from warp_trunk.measures.rows import measure_rows
-from warp_trunk.report.plans import apart_of, apart_table, differences
+from warp_trunk.measures.quantities import QUANTITIES, Measured, MeasureTable
+from warp_trunk.measures.rows import MeasureRow, measure_rows
+from warp_trunk.report.plans import Apart, apart_of, apart_table, apart_text, differences
 from warp_trunk.report.plots import rotation_plot
 from warp_trunk.report.style import BEFORE, PLANS
 from warp_trunk.report.writing import write_comparison
@@ -114,3 +114,15 @@ def test_t1_and_t2_set_no_scale_of_the_rotations(three):
     (axes,) = rotation_plot([replace(before, table=MeasureTable(rows))]).axes
     least, most = axes.get_xlim()
     assert -4.0 < least < most < 12.0
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "text"),
+    [(-12, -6, "6.0 worse"), (12, 6, "6.0 worse"), (-6, -12, "6.0 better"), (6, -3, "9.0, other side")],
+)
+def test_the_better_plan_is_the_one_with_the_smaller_size(first, second, text):
+    numbers = tuple(
+        Measured(name, "T8", "main_hump_mm", one) for name, one in zip("0AB", (9.0, first, second), strict=True)
+    )
+    row = MeasureRow(quantity=QUANTITIES["main_hump_mm"], level="T8", numbers=numbers)
+    assert apart_text(Apart(row, "A against B", first - second, (first, second), None, None)) == text
