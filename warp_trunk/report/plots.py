@@ -102,7 +102,7 @@ def convergence_plot(summary: Summary) -> Figure:
     return figure
 
 
-COLUMNS, POINTS = 4, 90
+COLUMNS, POINTS = 4, 60
 """Columns of sections, and how many points of an outline are drawn."""
 SCALE = 100.0
 """Length of the bar in the first section [mm]."""
