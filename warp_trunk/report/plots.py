@@ -60,7 +60,7 @@ def rotation_plot(poses: Sequence[TrunkState], *, bands: bool = True) -> Figure:
 
 
 def _extent(poses: Sequence[TrunkState], *, bands: bool) -> tuple[float, float]:
-    """Ends of the axis that hold every rotation of the levels that are judged [degrees]: T1 and T2 set no scale."""
+    """Ends of the axis that hold every rotation of the levels that are judged, T3 to L5 [degrees]."""
     rows = [row for pose in poses for level, row in pose.column("bsr_deg").items() if level in JUDGED]
     ends = [end for row in rows for end in ((row.low, row.value, row.high) if bands else (row.value,))]
     known = [-2.0, 2.0, *(end for end in ends if end is not None)]

@@ -145,7 +145,7 @@ def embedded(figure: Figure, png: bytes) -> bytes:
 
     if any(axes.images for axes in figure.axes):
         file = io.BytesIO()
-        Image.open(io.BytesIO(png)).convert("RGB").save(file, "webp", quality=82)
+        Image.open(io.BytesIO(png)).convert("RGB").save(file, "webp", quality=68)
         return file.getvalue()
     short = _PATH.sub(lambda path: _DIGITS.sub(rb"\1", path[0]), file_of(figure, "svg"))
     return _EMPTY.sub(b"", short).replace(b"DejaVuSans", b"f").replace(b"xlink:href", b"href")
