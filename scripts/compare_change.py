@@ -370,7 +370,7 @@ curves of each kind were planned. {thoracic} thoracic, {lumbar} thoracolumbar an
 simulated ({tets:,} tetrahedra, {increments} increments, tolerance 1 mm); all of these ended CONVERGED. A row is
 within where every number is within two standard errors of the study. **{within} of {rows} rows are within.**
 Brackets hold the predicted change, and the published one ± its standard error, assumed where the abstract has
-none. Nothing is tuned to this.
+none. Nothing is tuned to this. Verdicts on fewer than six simulated curves of a kind are no finding.
 
 ```
 python scripts/compare_change.py ANATOMY BODIES > docs/change.md

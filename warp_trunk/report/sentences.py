@@ -130,8 +130,8 @@ def planned(
 
 
 def bent(table: MeasureTable) -> str:
-    """What a scoliometer would show in the forward bend, where it shows most before, for the surgeon; empty where
-    the standing back says nothing."""
+    """The reading of a scoliometer in the forward bend, where it is largest before, for the surgeon; empty where
+    it is not known."""
     level = largest_at(table.values(BEFORE, "forward_bend_deg"), tuple(BENT))
     before, after = (
         None if level is None else table.row(state, "forward_bend_deg", level) for state in (BEFORE, PREDICTED)

@@ -97,7 +97,7 @@ def find_bands(prediction: Prediction, *, draws: int = DRAWS) -> FoundBands:
         ]
 
     def bent(rows: list[Measured]) -> list[Measured]:
-        """What the slopes of a standing back say of the forward bend."""
+        """The slopes in the forward bend from those of a standing back."""
         slopes = {row.level: row for row in rows if row.quantity == "atr_deg"}
         means = forward_bend({level: row.value for level, row in slopes.items()})
         return [
