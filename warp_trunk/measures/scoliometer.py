@@ -1,4 +1,4 @@
-"""What a scoliometer shows: the slope of a standing back, and what that says of the back in the forward bend."""
+"""The slope of a standing back, as a scoliometer shows it, and the slope in the forward bend that goes with it."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def pedicle_turns(spine: Spine, across: np.ndarray) -> np.ndarray:
 
 
 def forward_bend(standing: Mapping[str, float | None]) -> dict[str, float | None]:
-    """What a scoliometer shows in the forward bend in the mean [degrees], by level from T9 to L2.
+    """The mean reading of a scoliometer in the forward bend [degrees], by level from T9 to L2.
 
     In the mean of 20 patients (PCdare) it is the slope of the standing back, at T9 and T10 that of the level and
     the two below. One patient is off by a standard deviation of `BENT_SD`. Above T9 and below L2 the standing back
