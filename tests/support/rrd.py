@@ -18,5 +18,11 @@ def column(path, entity, component, timeline="increment"):
         for name in names:
             values = batch.column(name).to_pylist()
             steps = [None] * len(values) if chunk.is_static else batch.column(timeline).to_pylist()
-            found.update({step: np.array(v) for step, v in zip(steps, values, strict=True) if v is not None})
+            found.update({step: _array(v) for step, v in zip(steps, values, strict=True) if v is not None})
     return found
+
+
+def _array(values):
+    """Values as an array; of lines with different numbers of points, an array of each."""
+    lengths = {len(value) for value in values if isinstance(value, list)}
+    return np.array(values) if len(lengths) < 2 else [np.array(value) for value in values]

@@ -1,0 +1,377 @@
+"""A patient whose numbers and sides are known by construction, as results, pages, pictures and files show her.
+
+Every output is read back as a person or another program reads it, and compared with the construction, not with
+the program. Her mirror image has everything on the other side, and nothing else is different.
+"""
+
+import csv
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+import pytest
+import trimesh
+
+from support.drawn import Page, drawn_figures, place, side_at, slope_on_page
+from support.known_patient import (
+    AFTER,
+    BEFORE,
+    MIRROR,
+    Shape,
+    exchange_sides,
+    known_case,
+    known_increments,
+    write_known_result,
+)
+from support.known_spine import LEVELS
+from support.rrd import column
+from support.small_trunk import measured, start_recording
+from warp_trunk.cli import main
+from warp_trunk.results import read_result
+from warp_trunk.results.summary_text import plain
+
+STATES = {"before": BEFORE, "predicted": AFTER}
+COBB = {"T1-T4": (20.0, 8.0), "T4-T11": (40.0, 17.0), "T11-L4": (32.0, 15.0)}
+"""Angles before and after, the differences of the tilts."""
+EXCHANGED = {"left_flank_mm": "right_flank_mm", "waist_depth_left_mm": "waist_depth_right_mm"}
+SAME = {
+    "cobb_deg", "kyphosis_deg", "lordosis_deg", "spine_height_mm", "trunk_length_mm", "trunk_shift_forward_mm",
+    "skin_change_max_mm", "skin_change_mean_mm",
+}  # fmt: skip
+"""Quantities without a side."""
+RATIOS = {"waist_angle_ratio_percent", "waistline_depth_ratio_percent"}
+"""Of one side to the other, in percent."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A result, the page of its report and its figures."""
+
+    folder: Path
+    sign: float
+    """1, or -1 of the mirror image."""
+    page: Page
+    figures: dict[str, Any]
+
+    def words(self, text: str) -> str:
+        """A text about the patient as it is about this one."""
+        return text if self.sign > 0.0 else exchange_sides(text)
+
+    def side(self, value: float) -> str:
+        return "right" if self.sign * value > 0.0 else "left"
+
+    def sided(self, value: float) -> str:
+        """A number as the program shows it: two digits, and its side."""
+        size = abs(value)
+        return f"{size:.{0 if size >= 9.95 else 1}f} {self.side(value)}"
+
+
+def shown(folder: Path, sign: float) -> Shown:
+    write_known_result(folder, mirrored=sign < 0.0)
+    with drawn_figures() as figures:
+        assert main(["report", str(folder)]) == 0
+    return Shown(folder, sign, Page((folder / "report.html").read_text(encoding="utf-8")), figures)
+
+
+@pytest.fixture(scope="module")
+def both(tmp_path_factory: pytest.TempPathFactory) -> tuple[Shown, Shown]:
+    folder = tmp_path_factory.mktemp("known")
+    return shown(folder / "patient", 1.0), shown(folder / "mirror", -1.0)
+
+
+@pytest.fixture(params=[0, 1], ids=["patient", "mirror image"])
+def patient(both: tuple[Shown, Shown], request: pytest.FixtureRequest) -> Shown:
+    return both[request.param]
+
+
+def known_numbers(shape: Shape, state: str) -> dict[tuple[str, str], float]:
+    """Numbers of a state by quantity and level, positive to the right."""
+    turned = shape.landmarks
+    pedicles = {}
+    for level in LEVELS:
+        ends = [turned.point(f"{level}_{side}_pedicle_superior") for side in ("left", "right")]
+        pedicles[level] = float(np.degrees(np.arctan2(ends[1][1] - ends[0][1], ends[0][0] - ends[1][0])))
+    depths = {side: depth for side, (depth, _) in shape.waist.items()}
+    place = {"before": 0, "predicted": 1}[state]
+    return {
+        **{("bsr_deg", level): angle for level, angle in shape.rotations.items()},
+        **{("atr_deg", level): angle for level, angle in shape.rotations.items()},
+        **{("hump_mm", level): hump for level, hump in shape.humps.items()},
+        **{("axial_rotation_deg", level): angle for level, angle in pedicles.items()},
+        **{("cobb_deg", ends): angles[place] for ends, angles in COBB.items()},
+        ("main_hump_mm", "T8"): shape.humps["T8"],
+        ("thoracic_bsr_deg", "T8"): shape.rotations["T8"],
+        ("lumbar_bsr_deg", "L3"): shape.rotations["L3"],
+        ("main_atr_deg", "T8"): shape.rotations["T8"],
+        ("shoulder_difference_mm", ""): shape.shoulder_difference,
+        ("waist_depth_mm", ""): depths["right"] - depths["left"],
+        ("waist_depth_left_mm", ""): depths["left"],
+        ("waist_depth_right_mm", ""): depths["right"],
+        ("waist_height_mm", ""): shape.waist["right"][1] - shape.waist["left"][1],
+    }
+
+
+def numbers(folder: Path, state: str) -> dict[tuple[str, str], float]:
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    return {(row["quantity"], row["level"]): row["value"] for row in summary["measures"] if row["state"] == state}
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_the_summary_has_the_numbers_of_the_construction(both: tuple[Shown, Shown], state: str) -> None:
+    found, known = numbers(both[0].folder, state), known_numbers(STATES[state], state)
+    assert {name: found[name] for name in known} == pytest.approx(known, abs=0.05)
+    lumbar = {name: value for name, value in found.items() if name[0] == "bsr_deg" and name[1].startswith("L")}
+    assert max(lumbar.values()) < 0.0 < found["bsr_deg", "T8"]
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_the_mirror_image_has_every_number_on_the_other_side(both: tuple[Shown, Shown], state: str) -> None:
+    own, mirrored = (numbers(one.folder, state) for one in both)
+    assert own.keys() == mirrored.keys()
+    twins = EXCHANGED | {other: one for one, other in EXCHANGED.items()}
+    wanted = {}
+    for (quantity, level), value in own.items():
+        size = None if value is None else 1e4 / value if quantity in RATIOS else value
+        has_side = quantity not in SAME | RATIOS and quantity not in twins
+        wanted[twins.get(quantity, quantity), level] = -size if has_side and size is not None else size
+    assert mirrored == pytest.approx(wanted, abs=2e-3)
+
+
+def test_the_console_has_every_level_with_its_side(patient: Shown) -> None:
+    rows = {line.split()[0]: line.split()[1:] for line in plain(read_result(patient.folder)).splitlines() if line}
+    for level in LEVELS:
+        wanted = [patient.sided(shape.rotations[level]) for shape in STATES.values()]
+        assert " ".join(rows[level]) == " ".join(wanted)
+
+
+def test_the_table_of_measures_has_the_known_numbers(patient: Shown, tmp_path: Path) -> None:
+    assert main(["measure", str(patient.folder), "--out", str(tmp_path / "m")]) == 0
+    with (tmp_path / "m.csv").open(encoding="utf-8") as file:
+        rows = {
+            (row["quantity"], row["level"]): float(row["value"]) for row in csv.DictReader(file) if row["value"]
+        }
+    for level in LEVELS:
+        assert rows["bsr_deg", level] == pytest.approx(patient.sign * AFTER.rotations[level], abs=0.05)
+        assert rows["hump_mm", level] == pytest.approx(patient.sign * AFTER.humps[level], abs=0.05)
+    assert rows["main_hump_mm", "T8"] == pytest.approx(patient.sign * AFTER.humps["T8"], abs=0.05)
+
+
+def test_the_page_says_which_side_and_how_much(patient: Shown) -> None:
+    hump, lumbar = ([abs(shape.humps[level]) for shape in STATES.values()] for level in ("T8", "L3"))
+    shoulders = [shape.shoulder_difference for shape in STATES.values()]
+    for text in (
+        "20 → 12 mm waist, height, the left one higher",
+        "15 → 7 mm waist, depth, the left one deeper",
+        f"{hump[0]:.0f} → {hump[1]:.0f} mm hump at T8, on the right",
+        f"{shoulders[0]:.0f} → {shoulders[1]:.0f} mm shoulders, the right one higher",
+        "14 → 7° rotation of the back at T8, the right side further back",
+        "The waist is 12 mm higher on the left instead of 20 mm higher on the left and 7 mm deeper on the left "
+        "instead of 15 mm deeper on the left",
+        f"the hump at T8 is {hump[1]:.0f} mm (right) instead of {hump[0]:.0f} mm (right), now largest at L3, "
+        f"{lumbar[1]:.0f} mm",
+        f"The shoulders differ in height by {shoulders[1]:.0f} mm (the right one higher) instead of "
+        f"{shoulders[0]:.0f} mm (the right one higher)",
+        "The left side of the back still stands further back, by 15 degrees at vertebra L3.",
+        "from 20 to 8 degrees (T1 to T4, to the left), from 40 to 17 degrees (T4 to T11, to the right) and "
+        "from 32 to 15 degrees (T11 to L4, to the left)",
+    ):
+        assert patient.words(text) in patient.page.words
+
+
+def test_the_tables_of_the_page_have_the_numbers_of_their_level(patient: Shown) -> None:
+    rows = patient.page.rows
+    for level in LEVELS:
+        was, will = (shape.rotations[level] for shape in STATES.values())
+        assert rows[level][:2] == [patient.sided(was), patient.sided(will)]
+        assert rows[level][2].split()[-1] == ("better" if abs(will) < abs(was) else "worse")
+    for title, cells in {
+        "Higher waist, by [mm]": ["20 left", "12 left", "8.0 better"],
+        "Deeper waist, by [mm]": ["15 left", "7.0 left", "8.0 better"],
+        "Depth of the left waist [mm]": ["24", "15", "9.0 less"],
+        "Depth of the right waist [mm]": ["9.0", "8.0", "1.0 less"],
+        "Rotation of the lower back (BSR) at L3 [°]": ["9.4 left", "15 left", "5.6 worse"],
+        "Cobb angle T4 to T11 [°]": ["40", "17", "23 better"],
+    }.items():
+        assert rows[patient.words(title)] == [patient.words(cell) for cell in cells]
+
+
+def test_nothing_else_on_the_page_depends_on_the_side(both: tuple[Shown, Shown]) -> None:
+    """Rows of numbers, but for ratios of one side to the other."""
+    own, mirrored = (one.page.rows for one in both)
+    shared = [title for title in own if "ratio" not in title and "time" not in title.lower()]
+    assert len(shared) > 50
+    for title in shared:
+        cells = [exchange_sides(cell) for cell in own[title]]
+        assert mirrored.get(exchange_sides(title), mirrored.get(title)) == cells, title
+
+
+def test_the_picture_of_the_shoulders_shows_the_higher_one_on_its_side(patient: Shown) -> None:
+    for axes, shape in zip(patient.figures["shoulders"].axes, STATES.values(), strict=True):
+        heights = {}
+        for bar in (line for line in axes.lines if line.get_linewidth() == 2.2):
+            across, _ = place(axes, float(np.mean(bar.get_xdata())), 0.0)
+            heights[side_at(axes, across)] = float(bar.get_ydata()[0])
+        assert heights["right"] - heights["left"] == pytest.approx(
+            patient.sign * shape.shoulder_difference, abs=0.1
+        )
+        (words,) = (text.get_text() for text in axes.texts if "shoulder" in text.get_text())
+        assert words == patient.words(f"right shoulder\n{shape.shoulder_difference:.0f} mm higher")
+
+
+@pytest.mark.parametrize("name", ["back", "hump", "front", "shoulders"])
+def test_pictures_of_the_mirror_image_are_mirrored(both: tuple[Shown, Shown], name: str) -> None:
+    for own, mirrored in zip(*(one.figures[name].axes for one in both), strict=True):
+        if own.images:
+            one, other = (np.nan_to_num(np.array(axes.images[0].get_array())) for axes in (own, mirrored))
+            assert np.mean(np.abs(one - other[:, ::-1]) > 0.02) < 0.02
+            assert np.mean(np.abs(one - other) > 0.02) > 0.02
+
+
+@pytest.mark.parametrize("name", ["back", "front"])
+def test_the_deeper_waist_is_on_its_side_in_the_pictures(patient: Shown, name: str) -> None:
+    for axes, shape in zip(patient.figures[name].axes, STATES.values(), strict=True):
+        outline = np.array(axes.images[0].get_array())[:, :, 3] > 0.5
+        widths = {}
+        for side in ("left", "right"):
+            _, up = place(axes, 0.0, shape.waist[side][1])
+            row = np.flatnonzero(outline[int((1.0 - up) * len(outline))]) + 0.5
+            edges = [place_of_pixel / outline.shape[1] for place_of_pixel in (row.min(), row.max())]
+            edge = next(one for one in edges if side_at(axes, one) == patient.words(side))
+            widths[side] = abs(edge - 0.5) * abs(np.subtract(*axes.get_xlim()))
+        wanted = shape.waist["left"][0] - shape.waist["right"][0]
+        assert widths["right"] - widths["left"] == pytest.approx(wanted, abs=4.0)
+
+
+def test_every_section_is_that_of_its_level_and_is_turned_as_its_words_say(patient: Shown) -> None:
+    panels = [axes for axes in patient.figures["sections"].axes if axes.get_title(loc="left")]
+    assert [axes.get_title(loc="left") for axes in panels] == list(LEVELS)
+    for axes in panels:
+        level = axes.get_title(loc="left")
+        angles = [shape.rotations[level] for shape in STATES.values()]
+        assert axes.get_title(loc="right") == " → ".join(map(patient.sided, angles))
+        assert (side_at(axes, 0.0), side_at(axes, 1.0)) == ("left", "right")
+        tangents = [line for line in axes.lines if line.get_linewidth() == 1.3]
+        slopes = [slope_on_page(axes, line.get_xydata()) for line in tangents]  # the back is below
+        np.testing.assert_allclose(slopes, patient.sign * np.array(angles), atol=0.05)
+        contour = next(line for line in axes.lines if line.get_linewidth() == 0.8).get_xydata()
+        reach = {side_at(axes, place(axes, x, 0.0)[0]): abs(x) for x in (contour[:, 0].min(), contour[:, 0].max())}
+        z = float(BEFORE.landmarks.of_bone(level).points[:, 2].mean())
+        for side in ("left", "right"):
+            assert reach[patient.words(side)] == pytest.approx(float(BEFORE.flank(side, z)), abs=0.1)
+
+
+def test_the_hump_is_ringed_at_its_level_and_side_and_coloured_there(patient: Shown) -> None:
+    for axes, shape, levels in zip(
+        patient.figures["hump"].axes, STATES.values(), (["T8"], ["T8", "L3"]), strict=False
+    ):
+        texts = [text for text in axes.texts if text.get_text().endswith("mm") and ":" in text.get_text()]
+        assert [text.get_text() for text in texts] == [
+            f"{level}: {abs(shape.humps[level]):.0f} mm" for level in levels
+        ]
+        image = np.array(axes.images[0].get_array())
+        for text, level in zip(texts, levels, strict=True):
+            x, z = text.get_position()
+            height = shape.landmarks.of_bone(level).points[:, 2].mean()
+            assert z - 20.0 == pytest.approx(height, abs=0.1)
+            assert side_at(axes, place(axes, x, z)[0]) == patient.side(shape.humps[level])
+            across, up = place(axes, 0.5 * x, height)
+            rows, columns = image.shape[:2]
+            red, _, blue = image[int((1.0 - up) * rows), int(across * columns), :3]
+            assert red > blue + 0.1  # orange: further back
+
+
+def test_the_spine_has_each_level_at_its_place_and_each_angle_in_its_hollow(patient: Shown) -> None:
+    for number, (axes, shape) in enumerate(
+        zip(patient.figures["spine_behind"].axes, STATES.values(), strict=True)
+    ):
+        texts = {text.get_text(): text.get_position() for text in axes.texts}
+        for level in LEVELS:
+            centre = shape.landmarks.of_bone(level).points.mean(axis=0)
+            x, z = texts[level]
+            assert x == pytest.approx(patient.sign * centre[0], abs=4.0)
+            assert z == pytest.approx(centre[2], abs=6.0)
+        for ends, hollow in (("T4-T11", "left"), ("T11-L4", "right")):
+            x, z = texts[f"{COBB[ends][number]:.0f}°"]
+            upper, lower = (texts[level] for level in ends.split("-"))
+            assert lower[1] < z < upper[1]
+            left_of_spine = place(axes, x, z)[0] < place(axes, (upper[0] + lower[0]) / 2.0, z)[0]
+            assert left_of_spine == (patient.words(hollow) == "left")
+
+
+def test_the_plot_of_rotations_has_every_level_at_its_name(patient: Shown) -> None:
+    (axes,) = patient.figures["rotation"].axes
+    assert [label.get_text() for label in axes.get_yticklabels()] == list(LEVELS)
+    lines = {str(line.get_label()): line for line in axes.lines}
+    for title, shape in (("before surgery", BEFORE), ("predicted", AFTER)):
+        wanted = patient.sign * np.array([*shape.rotations.values()])
+        np.testing.assert_allclose(lines[title].get_xdata(), wanted, atol=0.05)
+        np.testing.assert_array_equal(lines[title].get_ydata(), range(len(LEVELS)))
+    left, right = axes.get_xlabel().split("back surface rotation")
+    assert ("left side" in left, "right side" in right) == (True, True)
+    assert place(axes, -1.0, 0.0)[0] < place(axes, 1.0, 0.0)[0]
+
+
+def test_files_for_other_programs_hold_the_shape_in_their_unit(patient: Shown, tmp_path: Path) -> None:
+    case, mesh, displacement = known_case(mirrored=patient.sign < 0.0)
+    assert main(["export", str(patient.folder), "--out", str(tmp_path / "skin.glb")]) == 0
+    scene: Any = trimesh.load(tmp_path / "skin.glb", process=False, force="mesh")
+    x, y, z = case.skin.vertices.T / 1000.0
+    np.testing.assert_allclose(
+        scene.vertices, np.column_stack([x, z, -y]), atol=1e-6
+    )  # metres, y up, z to the front
+    assert main(["export", str(patient.folder), "--out", str(tmp_path / "tissue.vtu")]) == 0
+    tissue: Any = meshio.read(tmp_path / "tissue.vtu")
+    np.testing.assert_allclose(tissue.points, mesh.nodes, atol=1e-4)
+    (moved,) = (data for data in tissue.point_data.values() if data.ndim == 2 and data.shape[1] == 3)
+    on_bone = np.abs(moved).sum(axis=1) > 0.0
+    np.testing.assert_allclose(moved[on_bone], displacement[on_bone], atol=1e-4)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0], ids=["patient", "mirror image"])
+def test_the_recording_has_every_level_and_its_section_is_turned_as_its_words_say(
+    tmp_path: Path, sign: float
+) -> None:
+    case, mesh, displacement = known_case(mirrored=sign < 0.0)
+    recording = start_recording(tmp_path / "known.rrd", case, mesh)
+    for increment in known_increments(displacement, mesh):
+        recording.increment(increment, measured(case, mesh, increment))
+    recording.close()
+
+    def sided(value: float) -> str:
+        size = f"{abs(value):.{0 if abs(value) >= 9.95 else 1}f}"
+        return f"{size} {'right' if sign * value > 0.0 else 'left'}"
+
+    said = column(tmp_path / "known.rrd", "/bars/angles", "labels")
+    for number, shape in ((0, BEFORE), (2, AFTER)):
+        assert said[number].tolist() == [sided(angle) for angle in shape.rotations.values()]
+        words = column(tmp_path / "known.rrd", "/section/now/angle", "labels")[number]
+        assert words.tolist() == [f"now {sided(shape.rotations['T8'])}"]
+        _, tangent = column(tmp_path / "known.rrd", "/section/now", "strips")[number]
+        (x, y), (u, v) = sorted(tangent.tolist())  # two dimensions: to the right and down
+        assert np.degrees(np.arctan2(v - y, u - x)) == pytest.approx(sign * shape.rotations["T8"], abs=0.05)
+    names = column(tmp_path / "known.rrd", "/sides", "labels")[None].tolist()
+    where = column(tmp_path / "known.rrd", "/sides", "positions")[None]
+    assert dict(zip(names, where[:, 0] > 0.0, strict=True)) == {"left": True, "right": False}
+    skins = column(tmp_path / "known.rrd", "/now/skin", "vertex_positions")
+    np.testing.assert_allclose(skins[2], case.skin.vertices + displacement[mesh.skin_nodes], atol=1e-3)
+    own, _, other = known_case(mirrored=sign > 0.0)
+    assert not np.allclose(np.sort(skins[2][:, 0]), np.sort((own.skin.vertices + other[mesh.skin_nodes])[:, 0]))
+    assert np.allclose(MIRROR * own.skin.vertices, case.skin.vertices)
+
+
+def test_plans_side_by_side_have_their_own_numbers(both: tuple[Shown, Shown], tmp_path: Path) -> None:
+    """Plan A is hers, plan B changes nothing; A is better for the curve and worse for the lower back."""
+    nothing = write_known_result(tmp_path / "nothing", BEFORE)
+    with drawn_figures() as figures:
+        assert main(["report", str(both[0].folder), str(nothing), "--out", str(tmp_path)]) == 0
+    page = Page((tmp_path / "plans.html").read_text(encoding="utf-8"))
+    assert "Cobb angle T4 to T11: 17° with plan A and 40° with plan B." in page.words
+    titles = [axes.get_title() for axes in figures["hump"].axes[:3]]
+    assert titles == ["Before surgery", "Plan A", "Plan B"]
+    (axes,) = figures["rotation"].axes
+    lines = {str(line.get_label()): line.get_xdata() for line in axes.lines}
+    np.testing.assert_allclose(lines["plan A"], [*AFTER.rotations.values()], atol=0.05)
+    np.testing.assert_allclose(lines["plan B"], [*BEFORE.rotations.values()], atol=0.05)
