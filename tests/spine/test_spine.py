@@ -14,8 +14,8 @@ from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
 from warp_trunk.measures.outlines import INNER, OUTER, shoulder_heights
-from warp_trunk.spine import cobb_angles, curves_after
-from warp_trunk.spine.apical import axial_rotation
+from warp_trunk.spine import CobbAngle, cobb_angles, curves_after
+from warp_trunk.spine.apical import apical_vertebrae, axial_rotation
 from warp_trunk.spine.cobb import kyphosis, lordosis, spine_height
 from warp_trunk.spine.spine import TrunkShift, sacral_line, spine_of, trunk_shift
 
@@ -160,6 +160,17 @@ def test_apex_of_a_thoracic_curve_is_measured_from_the_plumb_line_of_t1():
     assert apex.translation == pytest.approx(-expected, abs=1e-9)
     assert apex.line == "T1"
     assert (apex.neutral_above, apex.neutral_below) == ("T4", "L1")
+
+
+@pytest.mark.parametrize(("level", "line"), [("T2", "T1"), ("T11", "T1"), ("T12", "L5"), ("L1", "L5")])
+def test_the_last_thoracic_apex_with_a_plumb_line_is_t11(level, line):
+    """T12 and L1 are apices of thoracolumbar curves (Radiographic Measurement Manual)."""
+    landmarks = known_spine(to_left={"T1": 9.0, "T6": 14.0, "L5": -20.0})
+    spine, curve = spine_of(landmarks), CobbAngle(30.0, "T1", "L3", level, "right")
+    (apex,) = apical_vertebrae(spine, [curve], dict.fromkeys(LEVELS, 0.0), sacral_line(landmarks))
+    centre, top = (landmarks.of_bone(name).points.mean(axis=0)[0] for name in (level, "T1"))
+    from_line = {"T1": top, "L5": landmarks.point("L5_inferior_endplate")[0]}[line]
+    assert (apex.line, apex.translation) == (line, pytest.approx(from_line - centre, abs=1e-9))
 
 
 def test_apex_of_a_lumbar_curve_is_measured_from_the_sacral_line():

@@ -63,6 +63,7 @@ def write_small_result(
         result_model(),
         increments,
         parameters={"tolerance": 0.01},
+        seconds={"total": 1.0},
         found=found,
     ).save(folder)
     return folder

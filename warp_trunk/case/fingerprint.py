@@ -36,11 +36,17 @@ def fingerprint_of(case: Case) -> Fingerprint:
     """Everything of a case on which its result depends, what is known after surgery included."""
     found = anatomy_of(case)
     found |= {f"bone after {name}": surface_digest(surface) for name, surface in case.bones_after.items()}
-    for name, marks in (("before", case.landmarks_before), ("after", case.planned_landmarks)):
-        found[f"landmarks_{name}"] = digest("\n".join(marks.names), marks.points)
-    found |= {"case": case.name, "motions": motions_text(case.motions)}
+    marks = {"landmarks_before": case.landmarks_before, "landmarks_after": case.planned_landmarks,
+             "bending_left": case.bending_left, "bending_right": case.bending_right,
+             "points": case.points.marks}  # fmt: skip
+    found |= {name: one and digest("\n".join(one.names), one.points) for name, one in marks.items()}
+    found |= {"case": case.name, "motions": motions_text(case.motions), "pairs of points": case.points.pairs}
+    found |= {name: getattr(case, name) for name in ("plan", "posture", "notes")}
     found["actual_skin"] = None if case.actual_skin is None else surface_digest(case.actual_skin)
-    found |= {name: dataclasses.asdict(getattr(case, name)) for name in ("rib_coupling", "study", "uncertainty")}
+    found["unseen"] = None if case.unseen is None else digest(case.unseen)
+    for name in ("rib_coupling", "study", "uncertainty", "invented"):
+        record = getattr(case, name)
+        found[name] = record and dataclasses.asdict(record)
     return json.loads(json.dumps(found))  # as it comes back from a file
 
 
