@@ -32,7 +32,7 @@ EVERYWHERE = {
 
 @pytest.fixture(scope="module")
 def ended(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """What is shown of a run with every warning, tetrahedra inside out and nodes that came off the bones."""
+    """The outputs of a run with every warning, tetrahedra inside out and nodes that came off the bones."""
     folder, relax = tmp_path_factory.mktemp("ended"), Prediction.relax
 
     def inside_out(prediction: Prediction, *observers: Any, **options: Any) -> Prediction:
