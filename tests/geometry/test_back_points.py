@@ -35,7 +35,9 @@ def scan(*, noise=0.1, hair=None, seed=0):
 
 def plane(x, y, z, step=7.0):
     """Points of a plane: two of the three are ranges, one is a number."""
-    sides = [np.arange(*one, step) if isinstance(one, tuple) else np.array([float(one)]) for one in (x, y, z)]
+    sides = [
+        np.arange(one[0], one[1], step) if isinstance(one, tuple) else np.array([float(one)]) for one in (x, y, z)
+    ]
     points = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 3)
     return points + np.random.default_rng(1).normal(0.0, 0.4, points.shape)
 

@@ -158,6 +158,7 @@ def test_a_drag_moves_the_skin_and_the_numbers(visit: Visit, page: Page) -> None
     visit.wait_for(shown(page.session.view.surgery.curves[1].cobb_after))  # the table
     assert visit.seen() != drawn
     assert page.scene.painted is None
+    assert page.scene.garment is not None
     assert all(page.scene.garment.faces[name].size for name in ("shorts", "shirt"))
     for own in (True, False):
         visit.tab.get_by_label("Own colours", exact=True).first.dispatch_event("click")

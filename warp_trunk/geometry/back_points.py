@@ -201,7 +201,9 @@ def _hangs_together(points: np.ndarray, to_line: np.ndarray, size: float, what: 
     cube = np.floor((points - points.min(axis=0)) / size).astype(np.int64)
     full = np.zeros(cube.max(axis=0) + 1, dtype=bool)
     full[tuple(cube.T)] = True
-    piece = ndimage.label(full, np.ones((3, 3, 3)))[0][tuple(cube.T)]
+    pieces = np.empty(full.shape, dtype=np.int32)
+    ndimage.label(full, np.ones((3, 3, 3)), output=pieces)
+    piece = pieces[tuple(cube.T)]
     at = np.flatnonzero(behind)
     at = at[np.argsort(to_line[at, 1])]
     column = np.floor(np.column_stack([to_line[at, 0], points[at, 2]]) / size).astype(np.int64)
@@ -233,7 +235,7 @@ def noise_of(points: np.ndarray, across: np.ndarray) -> float:
     seen = _from_behind(points, across)
     tree = KDTree(seen[:, [0, 2]])
     some = np.arange(0, len(seen), max(1, len(seen) // _SAMPLE))
-    near = tree.query(seen[some][:, [0, 2]], k=min(_NEAR, len(seen)))[1]
+    near = np.asarray(tree.query(seen[some][:, [0, 2]], k=min(_NEAR, len(seen)))[1])
     terms = _quadratic(seen[near] - seen[some][:, None])
     depth = seen[near, 1]
     fit = np.linalg.pinv(terms) @ depth[..., None]
@@ -275,7 +277,7 @@ def smoothed(points: np.ndarray, across: np.ndarray, noise: float, radius: float
         np.median([len(one) for one in tree.query_ball_point(places[:: max(1, len(places) // 200)], radius)])
     )
     count = min(max(many, 12), 200)
-    gap, near = tree.query(node, k=count, distance_upper_bound=radius)
+    gap, near = map(np.asarray, tree.query(node, k=count, distance_upper_bound=radius))
     full = (np.isfinite(gap).sum(axis=1) > 0.35 * count) & (np.isfinite(gap[:, :6]).all(axis=1))
     node, gap, near = node[full], gap[full], near[full]
     depths, leverage = [], []

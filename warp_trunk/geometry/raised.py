@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -175,13 +175,15 @@ def find_raised(grid: DepthGrid, aside: np.ndarray, error: float = 0.0, blur: fl
         part = (bend < least) & near & ~raised
         kept = part
         if narrow:
-            kept = ndimage.binary_erosion(part | ~near, iterations=narrow, border_value=1) & near
-        piece, count = ndimage.label(kept & part)
-        size = np.bincount(piece.ravel(), minlength=count + 1) * grid.cell**2
+            kept = np.logical_and(ndimage.binary_erosion(part | ~near, iterations=narrow, border_value=1), near)
+        piece = np.empty(near.shape, dtype=np.int32)
+        ndimage.label(kept & part, output=piece)
+        size = np.bincount(piece.ravel()) * grid.cell**2
         order = [number for number in np.argsort(-size[1:]) + 1 if size[number] > _LARGE]
         if len(order) < 2:
             continue
-        gap, nearest = ndimage.distance_transform_edt(piece == 0, return_indices=True)
+        gap, nearest = np.empty(near.shape), np.empty((2, *near.shape), dtype=np.int32)
+        ndimage.distance_transform_edt(piece == 0, return_indices=True, distances=gap, indices=nearest)
         grown = np.where(part & (gap <= narrow + 1.0), piece[tuple(nearest)], 0)
         skin = grown == order[0]
         for number in order[1:]:
@@ -194,13 +196,21 @@ def find_raised(grid: DepthGrid, aside: np.ndarray, error: float = 0.0, blur: fl
     if not raised.any():
         return None
     # it goes on to the rim of the scan where it comes near to it
-    beyond = raised | (~near & ndimage.binary_dilation(raised, iterations=_CLOSED))
-    raised = ndimage.binary_fill_holes(raised | ndimage.binary_closing(beyond, iterations=_CLOSED)) & near
-    reach = foot = ndimage.binary_dilation(raised, iterations=round(_FOOT / grid.cell)) & near
-    for _ in range(_ROUNDS):  # skin beside the foot carries the bridge, too
-        found = Raised(grid, reach, raised, bridge(grid, near & ~foot, reach))
-        foot = found.cells
-    return found
+    beyond = raised | (~near & _dilated(raised, _CLOSED))
+    raised = np.logical_or(raised, ndimage.binary_closing(beyond, iterations=_CLOSED))
+    raised = np.asarray(ndimage.binary_fill_holes(raised), dtype=bool) & near
+    reach = _dilated(raised, round(_FOOT / grid.cell)) & near
+    standing = Raised(grid, reach, raised, bridge(grid, near & ~reach, reach))
+    for _ in range(_ROUNDS - 1):  # skin beside the foot carries the bridge, too
+        standing = replace(standing, skin=bridge(grid, near & ~standing.cells, reach))
+    return standing
+
+
+def _dilated(cells: np.ndarray, times: int) -> np.ndarray:
+    """Cells and their neighbours up to so many cells away, bool, shape (columns, rows)."""
+    from scipy import ndimage
+
+    return np.asarray(ndimage.binary_dilation(cells, iterations=times), dtype=bool)
 
 
 def heights(grid: DepthGrid, skin: np.ndarray, part: np.ndarray) -> tuple[float, float]:
@@ -245,10 +255,9 @@ class _Plate:
     """
 
     def __init__(self, grid: DepthGrid, part: np.ndarray, skin: np.ndarray, stiff: float) -> None:
-        from scipy import ndimage
         from scipy.sparse import coo_array, vstack
 
-        self.inside = inside = ndimage.binary_dilation(part, iterations=round(_AROUND / grid.cell))
+        self.inside = inside = _dilated(part, round(_AROUND / grid.cell))
         self.known = skin[inside]
         depth = grid.depth[inside]
         self.level = float(np.nanmean(depth))

@@ -164,10 +164,9 @@ class BackMeasures:
             rows.append(Measured("back", level, "height_mm", height))
             for name, value in (("bsr_deg", rotation), ("atr_deg", slope)):
                 sd = math.nan if one is None else one.rotation_sd if name == "bsr_deg" else one.slope_sd(level)
-                known = value is not None and sd > 0.0
                 rows.append(
                     Measured.with_sd("back", level, name, value, sd)
-                    if known
+                    if value is not None and sd > 0.0
                     else Measured("back", level, name, value)
                 )
             rows.append(Measured("back", level, "forward_bend_deg", bent))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 from zipfile import BadZipFile
 
 import msgspec
@@ -62,8 +63,9 @@ def write_sections(path: Path, states: Mapping[str, TrunkMeasures]) -> None:
                 arrays[f"{state}/{level}/contacts"] = np.stack([points, *edges, nearest])
                 if tangent.seen is not None:
                     arrays[f"{state}/{level}/seen"] = tangent.seen
+    content: dict[str, Any] = {_WORDS: np.array(msgspec.json.encode(words).decode()), **arrays}
     with path.open("wb") as file:
-        np.savez_compressed(file, **{_WORDS: np.array(msgspec.json.encode(words).decode())}, **arrays)
+        np.savez_compressed(file, **content)
 
 
 def read_sections(path: Path, landmarks: Mapping[str, Landmarks]) -> dict[str, TrunkMeasures]:

@@ -347,7 +347,7 @@ def _readings(
         if any(moved(row, READING_STEP * OBLIQUE)):  # most landmarks are read by no measure
             for axis in range(3):
                 derivative[:, row, axis] = np.divide(moved(row, READING_STEP * np.eye(3)[axis]), READING_STEP)
-    known = np.isfinite(derivative).all(axis=(1, 2)).tolist()
+    known = np.logical_and.reduce(np.isfinite(derivative), axis=(1, 2))
     return {name: values[name] for name, one in zip(values, known, strict=True) if one}, derivative[known]
 
 

@@ -58,7 +58,7 @@ def lenke_type(
         part = _part(curve.apex)
         if part is not None and curve.angle > (largest[part].angle if part in largest else 0.0):
             largest[part] = curve
-    majors = [part for part in ("thoracic", "lumbar") if part in largest]
+    majors: list[Part] = [part for part in ("thoracic", "lumbar") if part in largest]
     if not majors:
         return ""
     major = max(majors, key=lambda part: largest[part].angle)

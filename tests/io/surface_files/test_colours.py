@@ -154,6 +154,7 @@ def test_places_in_the_picture_of_a_glb_move_as_its_extension_says(tmp_path, mov
     mesh = trimesh.Trimesh(points, [[0, 1, 2], [3, 4, 5]], process=False)
     mesh.visual = TextureVisuals(uv=uv, material=PBRMaterial(baseColorTexture=Image.fromarray(picture)))
     content = mesh.export(file_type="glb")
+    assert isinstance(content, bytes)
     length = int.from_bytes(content[12:16], "little")
     scene = json.loads(content[20 : 20 + length])
     extension = {"KHR_texture_transform": move}
