@@ -1,4 +1,4 @@
-"""What surgery changes on synthetic bodies beside what published cohorts changed.
+"""Changes by surgery on synthetic bodies beside those of published cohorts.
 
     python scripts/compare_change.py ANATOMY BODIES > docs/change.md
 

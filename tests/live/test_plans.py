@@ -121,7 +121,7 @@ def test_the_table_has_what_the_plan_and_the_skin_have() -> None:
 
 
 def test_numbers_of_a_skin_that_is_not_relaxed_are_blank_and_the_curves_are_not() -> None:
-    """What stands under "plan" is of this plan or blank, never of the plan before."""
+    """The column "plan" holds numbers of this plan or is blank, never those of the plan before."""
     text = numbers_html(CASE, BEFORE, VIEW)
     assert f"The back{WAITING}" in text
     rows = dict(re.findall(r"<th[^>]*>([^<]*)</th>((?:<td>[^<]*</td>)+)", text))

@@ -1,4 +1,4 @@
-"""The slope of a standing back, on backs whose slope is known, and what it says of the forward bend."""
+"""The slope of a standing back, on backs whose slope is known, and the forward bend that follows from it."""
 
 import math
 

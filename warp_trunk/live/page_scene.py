@@ -59,7 +59,7 @@ class PageScene:
             visible=False,
         )
         self.garment = Garment(case.skin, case.landmarks_before) if case.has_spine else None
-        """What the patient wears."""
+        """The clothes of the patient."""
         self._clothes: dict[str, viser.MeshHandle] = {}
         if self.garment is not None:
             for name, places in self.garment.on(case.skin.vertices).items():
