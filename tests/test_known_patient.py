@@ -147,8 +147,11 @@ def test_the_console_has_every_level_with_its_side(patient: Shown) -> None:
         assert " ".join(rows[level]) == " ".join(wanted)
 
 
-def test_the_table_of_measures_has_the_known_numbers(patient: Shown, tmp_path: Path) -> None:
+def test_the_table_of_measures_has_the_known_numbers(
+    patient: Shown, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["measure", str(patient.folder), "--out", str(tmp_path / "m")]) == 0
+    assert "Main hump, at T8" in capsys.readouterr().out  # as the file has it, though L3 has more
     with (tmp_path / "m.csv").open(encoding="utf-8") as file:
         rows = {
             (row["quantity"], row["level"]): float(row["value"]) for row in csv.DictReader(file) if row["value"]
@@ -174,6 +177,7 @@ def test_the_page_says_which_side_and_how_much(patient: Shown) -> None:
         f"{lumbar[1]:.0f} mm",
         f"The shoulders differ in height by {shoulders[1]:.0f} mm (the right one higher) instead of "
         f"{shoulders[0]:.0f} mm (the right one higher)",
+        "orse at another level: hump",  # it grows to more at L3 than it was at T8
         "The left side of the back still stands further back, by 15 degrees at vertebra L3.",
         "from 20 to 8 degrees (T1 to T4, to the left), from 40 to 17 degrees (T4 to T11, to the right) and "
         "from 32 to 15 degrees (T11 to L4, to the left)",

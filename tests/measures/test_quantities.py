@@ -51,7 +51,7 @@ def test_an_interval_holds_95_percent_and_takes_the_place_of_a_row(turned):
 
 
 def test_text_says_what_is_missing_and_why(turned):
-    text = measures_text(turned[0])
+    text = measures_text(turned[0], turned[0])
     (level,) = [line for line in text.splitlines() if line.startswith("T3 ")]
     assert level.split() == ["T3"] + ["–"] * 6
     assert "missing: T3: the plane at z = 420 mm misses the skin" in text

@@ -7,7 +7,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from .number_text import MISSING, interval_text, number, sided, value_text
-from .quantities import BEFORE, DETECTABLE, PREDICTED, Measured, MeasureTable, Quantity, quantities_of
+from .quantities import (
+    BEFORE,
+    DETECTABLE,
+    PREDICTED,
+    Measured,
+    MeasureTable,
+    Quantity,
+    measured,
+    quantities_of,
+)
 from .verdicts import NOT_KNOWN, change_text, is_certainly_worse, is_known
 
 if TYPE_CHECKING:
@@ -205,9 +214,11 @@ def as_markdown(head: Row, rows: Sequence[Row]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-def measures_text(measures: TrunkMeasures) -> str:
-    """Every measure of one skin: the whole trunk, then by level, then what is missing and why."""
-    whole = under_headings(measure_rows(MeasureTable.of({BEFORE: measures}), measures, (BEFORE,)))
+def measures_text(measures: TrunkMeasures, reference: TrunkMeasures) -> str:
+    """Every measure of one skin, a maximum at the place that it has in the reference: the whole trunk, then by
+    level, then what is missing and why."""
+    table = MeasureTable(measured(BEFORE, measures, reference))
+    whole = under_headings(measure_rows(table, reference, (BEFORE,)))
     by_level = (measures.bsr, measures.axial_rotation, measures.hump_height)
     levels = [
         [level, *(sided(each[level]) for each in by_level)]

@@ -14,6 +14,8 @@ from warp_trunk.measures.verdicts import NOT_KNOWN, is_certainly_worse, is_known
 if TYPE_CHECKING:
     from warp_trunk.spine import CobbAngle
 
+ELSEWHERE = "worse elsewhere"
+"""The word where the largest of a state is at another level and visibly larger than the largest before surgery."""
 MAIN = 0.8
 """A curve of at least this part of the largest is a main curve too: a double major has two."""
 _NAMES = {
@@ -67,7 +69,11 @@ class Headline:
     @property
     def word(self) -> str:
         """The word for its change; empty for a number that need not be small."""
-        return self.fixed or verdict(self.quantity, self.before, self.after) or ""
+        word = self.fixed or verdict(self.quantity, self.before, self.after) or ""
+        if self.larger is None or self.larger.value is None or not self.is_known or self.fixed:
+            return word
+        grown = abs(self.larger.value) - abs(self.before)  # elsewhere, beyond the largest before surgery
+        return word if grown < self.quantity.detectable else ELSEWHERE
 
     @property
     def is_worse(self) -> bool:

@@ -26,13 +26,14 @@ from warp_trunk.measures.verdicts import NOT_KNOWN, is_known
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.spine import CobbAngle
 
-from .headlines import Headline, minus, side_of
+from .headlines import ELSEWHERE, Headline, minus, side_of
 
 if TYPE_CHECKING:
     from warp_trunk.results.bands import Bands
 
 _WORDS = {
     "visibly better": "Visibly better",
+    ELSEWHERE: "Worse at another level",
     "no visible change": "No visible change",
     "other side": "On the other side",
     "visibly worse": "Visibly worse",
@@ -77,7 +78,7 @@ def questions(shown: Sequence[Headline], plan: Plan | None) -> list[str]:
     """Questions that a patient may ask her surgeon about this prediction."""
     named = {one.word: _SUBJECTS[one.key] for one in reversed(shown) if one.key in _SUBJECTS}
     asked = []
-    if worse := named.get("visibly worse"):
+    if worse := named.get("visibly worse") or named.get(ELSEWHERE):
         asked.append(f"The {worse} may look worse than now. Would another plan avoid that?")
     if unsure := named.get(NOT_KNOWN):
         asked.append(f"It is not known how the {unsure} will look. What have you seen in others?")

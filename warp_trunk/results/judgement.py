@@ -99,7 +99,7 @@ def judged(
         before = measure(case.skin, case.landmarks_before, unseen=case.unseen)
         table = MeasureTable(measured(when, found, before))
     name = case.name.strip()
-    text = [f"{name}: the skin with its landmarks {when} surgery", "", measures_text(found)]
+    text = [f"{name}: the skin with its landmarks {when} surgery", "", measures_text(found, before)]
     if not landmarks.names:
         change = found.skin_change_max
         text = [f"{name}: the skin" + ("" if change is None else f" moves by {change:.1f} mm")]
@@ -111,7 +111,7 @@ def judged(
         other = measure(actual, landmarks)
         comparison = compare_skins(skin, actual, landmarks, (found.bsr, other.bsr))
         table = table.with_rows([*measured(ACTUAL, other, before, of="skin"), *comparison_rows(comparison)])
-        text += ["", "The actual skin", "", measures_text(other), "", comparison_text(comparison)]
+        text += ["", "The actual skin", "", measures_text(other, before), "", comparison_text(comparison)]
     inside = levels_in_band(table)
     if known := [level for level, is_in in inside.items() if is_in is not None]:
         out = [level for level in known if not inside[level]]
