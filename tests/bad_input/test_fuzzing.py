@@ -141,7 +141,7 @@ TOML = (
     'name = "a"\nunits = "mm"\naxes = "LPS"\nlandmark_columns = ["n", "x", "y", "z"]\n[tissue]\ntheta = 7\n'
     '[layers]\nskin_thickness = 1.5\nfat_thickness = "fat.txt"\n[layers.fat]\nyoungs_modulus = 3\n'
 )
-TISSUE = "[tissue]\ntheta = 7\n[layers.fat]\ndensity = 900\n[ribs]\nturn = 0.5\n"
+TISSUE = "[tissue]\ntheta = 7\n[layers.fat]\ndensity = 900\n[ribs]\naxial_rotation = 0.5\n"
 PLAN = 'uiv = "T4"\nliv = "L1"\nunfused = "fixed"\n[[curve]]\napex = "T8"\ncorrection = 0.65\n'
 MOTIONS = (
     "[sternum]\ntranslation = [0, -6, 0]\nrotation = { degrees = 2.0, axis = [1, 0, 0], point = [0, 0, 0] }\n"

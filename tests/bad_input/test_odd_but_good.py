@@ -4,6 +4,7 @@ import ast
 import importlib
 import json
 import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -54,9 +55,15 @@ def linked(folder: Path) -> None:
     (folder / "skin.ply").symlink_to("scan.bin")
 
 
+needs_letters = pytest.mark.skipif(
+    sys.getfilesystemencoding() == "ascii", reason="this locale has ASCII file names only; run it in another one"
+)
 ODD = [
-    ("spaces and letters of other alphabets",
-     lambda f: (f / "bones" / "rib_left_07.ply").rename(f / "bones" / "T7 – Wirbel μ.ply")),
+    pytest.param(
+        ("spaces and letters of other alphabets",
+         lambda f: (f / "bones" / "rib_left_07.ply").rename(f / "bones" / "T7 – Wirbel μ.ply")),
+        marks=needs_letters,
+    ),
     ("hidden files and folders", as_on_a_mac),
     ("a vertex in no triangle, far away", with_a_loose_vertex),
     ("numbers that are none in the measurements of Slicer", with_measurements),
@@ -82,6 +89,7 @@ def test_what_is_only_odd_is_read(case, row):
     assert (len(read.bones), len(read.skin.vertices)) == (7, len(small_case().skin.vertices))
 
 
+@needs_letters
 def test_folders_may_be_named_in_any_way_and_be_links(good_case, tmp_path):
     folder = tmp_path / "Fälle 2026" / "#1 %20 (a)"
     shutil.copytree(good_case, folder)

@@ -140,7 +140,9 @@ def test_the_papers_are_run_by_one_command_and_by_one_script(tmp_path: Path) -> 
     (script,) = re.findall(
         r"^```python\n(.*?)^```$", (ROOT / "docs" / "papers.md").read_text(encoding="utf-8"), re.DOTALL | re.M
     )
-    small = script.replace("tets=225_000", "tets=26_000, bone_voxel=8.0, bone_tolerance=2.0")
+    mesh = "mesh=wt.MeshOptions(tets=26_000, bone_voxel=8.0, bone_tolerance=2.0)"
+    small = script.replace("alpha=0.3)", f"alpha=0.3, {mesh})")
+    assert small != script
     subprocess.run([sys.executable, "-c", small], cwd=tmp_path, check=True)
     said = [read_summary(tmp_path / "results" / name).springs for name in ("anna_papers", "anna_papers_python")]
     assert said[0] == said[1]

@@ -65,7 +65,7 @@ def test_records_of_the_data_flow_are_in_the_program_and_named_once() -> None:
 def test_every_status_has_advice() -> None:
     assert {status.name for status in RelaxStatus} <= {
         line.split("|")[1].strip()
-        for line in (ROOT / "docs/troubleshooting.md").read_text().splitlines()
+        for line in (ROOT / "docs/troubleshooting.md").read_text(encoding="utf-8").splitlines()
         if "|" in line
     }
 

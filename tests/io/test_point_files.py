@@ -39,6 +39,6 @@ def test_a_text_of_points_is_read_by_its_columns(tmp_path, kind):
     ],
 )
 def test_a_text_without_three_columns_is_refused(tmp_path, text, words):
-    (tmp_path / "back.csv").write_text(text)
+    (tmp_path / "back.csv").write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=words):
         read_points(tmp_path / "back.csv")

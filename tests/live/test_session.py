@@ -235,7 +235,7 @@ def test_tissue_comes_off_bones_as_in_a_simulation(monkeypatch: pytest.MonkeyPat
     tissue = LiveRelaxation(patient)
     tissue.go(case)
     with monkeypatch.context() as patch:
-        patch.setattr(relaxation, "FEW", 1.0)
+        patch.setattr(relaxation, "FEW_INVERTED", 1.0)
         moving = tissue.relax(1.0, confirm=False, newer=lambda: False)
     assert (moving.status, moving.warnings) == (RelaxStatus.NEAR, (relaxation.PINCHED,))
     released = tissue.relax(1.0, confirm=False, newer=lambda: False)  # too many to leave them

@@ -25,7 +25,14 @@ from warp_trunk.run.simulate import simulate
 
 from .small_trunk import boned_case
 
-FILES = ("skin_before.ply", "predicted_skin.ply", "landmarks_before.csv", "landmarks_after.csv", "trunk.vtu")
+FILES = (
+    "skin_before.ply",
+    "predicted_skin.ply",
+    "landmarks_before.csv",
+    "landmarks_after.csv",
+    "trunk.vtu",
+    "sections.npz",
+)
 
 
 def kill_at_move(number: int) -> None:

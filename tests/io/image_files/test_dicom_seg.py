@@ -60,7 +60,7 @@ def test_codes_name_bones_whose_labels_do_not(tmp_path):
     path = write_segmentation(tmp_path / "b.dcm", APART, AFFINE, labels, codes=right)
     assert "rib_right_08" in read_source(path).names
     numbers = tmp_path / "numbers.csv"
-    numbers.write_text("1,vertebrae_T5\n2,rib_left_5\n")
+    numbers.write_text("1,vertebrae_T5\n2,rib_left_5\n", encoding="utf-8")
     assert read_source(path, str(numbers)).names == {"T5", "rib_left_05"}  # what the user states holds
 
 

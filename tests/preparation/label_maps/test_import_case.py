@@ -152,7 +152,8 @@ def test_stray_labels_are_left_out_with_a_note(files, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("grow", "said"), [(1.0, None), (1.02, "but its header puts them up to"), (0.5, "does not hold")]
+    ("grow", "said"),
+    [(1.0, None), (1.02, "has voxels of 1.0200 times the size of the labels'"), (0.5, "does not hold")],
 )
 def test_a_body_of_another_header_is_named(grow, said, tmp_path):
     """The body on the grid of the labels, its header enlarged: the array is the same."""
@@ -210,7 +211,7 @@ def test_a_real_ct_is_imported_as_far_as_it_reaches(tmp_path, capsys):
 
 
 SHAPE = (512, 512, 900)
-MOST = 2e9
+MOST = 3e9
 """Bytes."""
 # Not ru_maxrss: a process inherits that of the one that began it.
 READ = """
@@ -227,7 +228,7 @@ print(len(found.masks), body.inside.shape, 1024 * int(most.split()[1]))
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_a_large_map_is_read_within_two_gigabytes(tmp_path):
+def test_a_large_map_is_read_within_three_gigabytes(tmp_path):
     values = np.zeros(SHAPE, dtype=np.uint8, order="F")
     for place, name in enumerate(("vertebrae_T5", "vertebrae_T6", "sternum", "hip_left", "hip_right")):
         low = 40 + 90 * place
