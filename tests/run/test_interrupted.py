@@ -33,7 +33,7 @@ def test_runs_were_killed_while_they_worked_and_while_they_wrote(rows: list[dict
     moves = [row for row in rows if row["kind"] == "move"]
     assert len(rows) == len(moves) + MOMENTS
     assert all(row["ended"] == -9 for row in moves)
-    assert max(len(row["files"]) for row in moves) == 5  # all but summary.json, which is the last
+    assert max(len(row["files"]) for row in moves) == 6  # all but summary.json, which is the last
 
 
 def test_no_half_written_file_bears_a_final_name(rows: list[dict]) -> None:
