@@ -30,7 +30,7 @@ vec10i = wp.types.vector(len(PAIRS), wp.int32)
 Places = wp.array[vec10i]
 SYMMETRIC = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 """The numbers that are kept of the symmetric block of a corner with itself."""
-KEPT = 80
+NUMBERS_KEPT = 80
 """Numbers that a tetrahedron keeps: those blocks, then the others, then none up to whole sectors of 32 bytes."""
 PLACES = (0, 24, 33, 42, 6, 51, 60, 12, 69, 18)
 """Where the numbers of each of those blocks begin: the four symmetric ones first."""
@@ -120,15 +120,15 @@ def block_storer(scalar: type):
         for block in ("oa", "ob", "oc", "ab", "ac", "bc")
         for n in range(NUMBERS)
     ]
-    own, others = (", ".join(f"{name}[{k}]" for k in range(whole)) for name in ("even", "odd"))
+    own, upper = (", ".join(f"{name}[{k}]" for k in range(whole)) for name in ("even", "odd"))
 
     @wp.func_native(f"""
     typedef decltype(+*parts.data) number;
-    const number kept[{KEPT}] = {{{", ".join(numbers)}}};
+    const number kept[{NUMBERS_KEPT}] = {{{", ".join(numbers)}}};
     const bool is_odd = threadIdx.x % 2;
-    {pack}* to = reinterpret_cast<{pack}*>(parts.data + (size_t){KEPT} * (item - is_odd)) + is_odd;
+    {pack}* to = reinterpret_cast<{pack}*>(parts.data + (size_t){NUMBERS_KEPT} * (item - is_odd)) + is_odd;
     #pragma unroll
-    for (int n = 0; n < {KEPT}; n += {2 * whole}) {{
+    for (int n = 0; n < {NUMBERS_KEPT}; n += {2 * whole}) {{
         number even[{whole}], odd[{whole}];
         #pragma unroll
         for (int k = 0; k < {whole}; ++k) {{
@@ -138,7 +138,7 @@ def block_storer(scalar: type):
             odd[k] = is_odd ? second : swapped;
         }}
         to[n / {whole}] = make_{pack}({own});
-        to[({KEPT} + n) / {whole}] = make_{pack}({others});
+        to[({NUMBERS_KEPT} + n) / {whole}] = make_{pack}({upper});
     }}
     """)
     def store_blocks(
@@ -200,8 +200,8 @@ def block_gatherer(scalar: type) -> wp.Kernel:
             along = lane % NUMBERS  # neighbouring threads read neighbouring numbers of the same block
             across = 3 * (along % 3) + along // 3
             low = wp.min(along, across) // 3  # of a symmetric block six numbers are kept, row after row
-            kept = wp.where(i < symmetric, low * (5 - low) // 2 + wp.max(along, across) // 3, along)
-            total = sum_of_parts(parts, place, start[i], start[i + 1], kept, across)
+            number = wp.where(i < symmetric, low * (5 - low) // 2 + wp.max(along, across) // 3, along)
+            total = sum_of_parts(parts, place, start[i], start[i + 1], number, across)
             numbers[NUMBERS * block[i] + along] = total
             if mirrored[i] != block[i]:
                 numbers[NUMBERS * mirrored[i] + across] = total

@@ -33,7 +33,7 @@ def native_kernel(module: str, code: str) -> Callable[[Any], NativeKernel]:
     """
 
     def decorate(stub: Any) -> NativeKernel:
-        others = {name: of for name, of in stub.__annotations__.items() if name != "items"}
+        fields = {name: of for name, of in stub.__annotations__.items() if name != "items"}
 
         def named(annotations: dict[str, Any], **names: Any) -> Any:
             made = FunctionType(nothing.__code__, stub.__globals__ | names, stub.__name__)
@@ -41,10 +41,12 @@ def native_kernel(module: str, code: str) -> Callable[[Any], NativeKernel]:
             made.__qualname__ = f"{stub.__qualname__}_kernel"
             return made
 
-        run = wp.func_native(code)(named({"first": int, "end": int, "slab": int, **others}))
-        kernel = named({"items": Items, **others}, run=run, wp=wp)
-        given = ", ".join(others)
-        body = f"def kernel(items, {given}):\n    run(items.first + wp.tid(), items.end, items.slab, {given})"
+        run = wp.func_native(code)(named({"first": int, "end": int, "slab": int, **fields}))
+        kernel = named({"items": Items, **fields}, run=run, wp=wp)
+        arguments = ", ".join(fields)
+        body = (
+            f"def kernel(items, {arguments}):\n    run(items.first + wp.tid(), items.end, items.slab, {arguments})"
+        )
         options = {"enable_backward": False}
         return NativeKernel(kernel, module=wp.get_module(module), options=options, source=body)
 

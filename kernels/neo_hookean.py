@@ -57,8 +57,8 @@ def dilation(h: Any, cofactor_h: Any):
 @wp.func
 def cofactor_of_sum(h: Any, cofactor_h: Any):
     """The cofactor of F = I + H."""
-    one = type(h[0, 0])(1.0)
-    return (one + wp.trace(h)) * wp.identity(n=3, dtype=type(h[0, 0])) - wp.transpose(h) + cofactor_h
+    unity = type(h[0, 0])(1.0)
+    return (unity + wp.trace(h)) * wp.identity(n=3, dtype=type(h[0, 0])) - wp.transpose(h) + cofactor_h
 
 
 @wp.func
@@ -159,8 +159,8 @@ def largest_stretch(h: Any, mean_squared: Any):
 @wp.func
 def safe_acos(cosine: Any):
     """acos of a value that rounding may have carried past 1."""
-    one = type(cosine)(1.0)
-    return wp.acos(wp.clamp(cosine, -one, one))
+    unity = type(cosine)(1.0)
+    return wp.acos(wp.clamp(cosine, -unity, unity))
 
 
 VOLUME, GRAVITY, SHAPE = range(FIRST_TERM, FIRST_TERM + 3)

@@ -130,8 +130,8 @@ class Numbers:
 
 
 def _sum(numbers: Iterable[Any]) -> Any:
-    first, *others = numbers
-    for other in others:
+    first, *summands = numbers
+    for other in summands:
         first = first + other
     return first
 

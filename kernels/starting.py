@@ -33,14 +33,14 @@ def start_warp() -> None:
     import warp as wp
 
     sys.stderr.flush()
-    kept = os.dup(2)
+    stderr = os.dup(2)
     with tempfile.TemporaryFile() as aside:
         os.dup2(aside.fileno(), 2)
         try:
             wp.init()
         finally:
-            os.dup2(kept, 2)
-            os.close(kept)
+            os.dup2(stderr, 2)
+            os.close(stderr)
         aside.seek(0)
         cache = Path(wp.config.kernel_cache_dir or "")
         if shutil.disk_usage(cache).free < _LEAST_SPACE:

@@ -82,7 +82,7 @@ def pierces(p: wp.vec3d, q: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, sla
 
     A segment in the plane of the triangle meets none: then one of its neighbours does.
     """
-    one = wp.float64(1.0)
+    unity = wp.float64(1.0)
     ab = b - a
     ac = c - a
     pq = q - p
@@ -91,13 +91,13 @@ def pierces(p: wp.vec3d, q: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, sla
     if wp.abs(slope) <= wp.float64(1.0e-12) * wp.length(normal) * wp.length(pq):
         return False
     t = wp.dot(normal, a - p) / slope
-    if t < -slack or t > one + slack:
+    if t < -slack or t > unity + slack:
         return False
     hit = p + t * pq - a
     square = wp.dot(normal, normal)
     u = wp.dot(wp.cross(hit, ac), normal) / square
     v = wp.dot(wp.cross(ab, hit), normal) / square
-    return u >= -slack and v >= -slack and u + v <= one + slack
+    return u >= -slack and v >= -slack and u + v <= unity + slack
 
 
 @wp.func
@@ -183,10 +183,10 @@ def least_around(start: Ints, second: Ints, value: Doubles, asked: wp.array[wp.b
     v = wp.tid()
     if not asked[v]:
         return
-    found = value[v]
+    smallest = value[v]
     for k in range(start[v], start[v + 1]):
-        found = wp.min(found, value[second[k]])
-    least[v] = found
+        smallest = wp.min(smallest, value[second[k]])
+    least[v] = smallest
 
 
 @wp.func

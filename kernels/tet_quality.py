@@ -48,7 +48,7 @@ def move_nodes(
     star: Ints,
     around: Points,
     reach: Doubles,
-    given: Points,
+    start_places: Points,
     moved: Points,
     quality: Doubles,
     moves: Ints,
@@ -66,18 +66,18 @@ def move_nodes(
         for s in range(first, end):
             worst = wp.min(worst, quality[star[s]])
         if reach[node] > wp.float64(0.0) and worst < goal:
-            here = moved[node]
+            centre = moved[node]
             size = wp.float64(0.0)
             for s in range(first, end):
                 n = tets[star[s]]
                 for c in range(4):
-                    size += wp.length(moved[n[c]] - here)
+                    size += wp.length(moved[n[c]] - centre)
             size = size / wp.float64(3 * (end - first))
             best = worst + LEAST_GAIN
-            best_place = here
+            best_place = centre
             for k in range(around.shape[0]):
-                place = here + size * around[k]
-                if wp.length(place - given[node]) <= reach[node]:
+                place = centre + size * around[k]
+                if wp.length(place - start_places[node]) <= reach[node]:
                     least = wp.float64(wp.inf)
                     s = first
                     while s < end and least > best:

@@ -131,7 +131,7 @@ def _gradient(formulas: TetFormulas, cuda: bool, loop: bool) -> wp.Kernel:
         sums: Sums,
     ):
         t = items.first + wp.tid()
-        found = sums_type()
+        contributions = sums_type()
         if t < items.end:
             n = tets[t]
             e, growth, g0, g1, g2, g3 = evaluate(
@@ -139,15 +139,15 @@ def _gradient(formulas: TetFormulas, cuda: bool, loop: bool) -> wp.Kernel:
             )
             add_gradient(gradient, items.slab, n, g0, g1, g2, g3)
             for k in range(FIRST_TERM, wp.static(used)):
-                found[k] = wp.float64(e[k - FIRST_TERM])
+                contributions[k] = wp.float64(e[k - FIRST_TERM])
             is_inverted = wp.int8(0)
             if not (growth > scalar(-1.0)):  # so written, a volume that is not a number counts, too
                 is_inverted = wp.int8(1)
-                found[INVERTED] = wp.float64(1.0)
+                contributions[INVERTED] = wp.float64(1.0)
                 if inverted_before[t] == wp.int8(0):
-                    found[NEWLY_INVERTED] = wp.float64(1.0)
+                    contributions[NEWLY_INVERTED] = wp.float64(1.0)
             inverted[t] = is_inverted
-        add(sums, items.slab, 0, found)
+        add(sums, items.slab, 0, contributions)
 
     return gradient
 

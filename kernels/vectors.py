@@ -57,13 +57,13 @@ def sums_reducer(count: int) -> Any:
 
 
 add_one = sums_reducer(1)
-one: Any = wp.types.vector(1, wp.float64)
+single: Any = wp.types.vector(1, wp.float64)
 
 
 @wp.func
 def add_sum(sums: Sums, row: int, column: int, value: wp.float64):
     """Adds a value of every item into sums[row, column]; see `sums_reducer`."""
-    add_one(sums, row, column, one(value))
+    add_one(sums, row, column, single(value))
 
 
 @cache
@@ -151,13 +151,13 @@ def vector_kernels(scalar: type) -> SimpleNamespace:
     def products(items: Items, gradient: Vectors, direction: Vectors, previous: Vectors, products: Sums):
         """Products of the direction with the gradient, with an earlier gradient and with itself."""
         i = items.first + wp.tid()
-        found = products_type()
+        product_sums = products_type()
         if i < items.end:
             d = direction[i]
-            found[SLOPE] = wp.float64(wp.dot(gradient[i], d))
-            found[PREVIOUS_SLOPE] = wp.float64(wp.dot(previous[i], d))
-            found[DIRECTION_SQUARED] = wp.float64(wp.dot(d, d))
-        add(products, items.slab, 0, found)
+            product_sums[SLOPE] = wp.float64(wp.dot(gradient[i], d))
+            product_sums[PREVIOUS_SLOPE] = wp.float64(wp.dot(previous[i], d))
+            product_sums[DIRECTION_SQUARED] = wp.float64(wp.dot(d, d))
+        add(products, items.slab, 0, product_sums)
 
     @wp.kernel(module=module, enable_backward=False)
     def extrapolate(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from support.asserting import refuses, there
+from support.asserting import not_none, refuses
 from support.known_spine import LEVELS, before_and_after, exchanged, shifted, with_errors
 from support.small_case import mapped, palpated, small_case
 from warp_trunk.case import Case, read_case, write_case
@@ -331,7 +331,7 @@ def test_aligning_undoes_a_shift_and_a_turn_that_the_iliac_spines_show(axis):
     )
     back = align_pelvis(moved)
     np.testing.assert_allclose(back.planned_landmarks.points, after.points, atol=1e-9)
-    np.testing.assert_allclose(there(back.actual_skin).vertices, case.skin.vertices, atol=1e-9)
+    np.testing.assert_allclose(not_none(back.actual_skin).vertices, case.skin.vertices, atol=1e-9)
     np.testing.assert_allclose(back.bones_after["T7"].vertices, case.bones["T7"].vertices, atol=1e-9)
     with pytest.raises(InputError, match="--align-pelvis"):
         check_case(moved)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from support.asserting import there
+from support.asserting import not_none
 from support.small_case import mapped, small_case
 from warp_trunk.case import Axes, Case, read_case, write_case
 from warp_trunk.case.anatomy import check_file_names
@@ -53,8 +53,8 @@ def test_round_trip_keeps_every_bit(tmp_path):
     write_case(tmp_path, case)
     back = read_case(tmp_path)
     assert_equal(back, case)
-    np.testing.assert_array_equal(there(back.actual_skin).vertices, actual.vertices)
-    left = there(back.bending_left)
+    np.testing.assert_array_equal(not_none(back.actual_skin).vertices, actual.vertices)
+    left = not_none(back.bending_left)
     assert left.names == some.names
     np.testing.assert_array_equal(left.points, some.points)
     assert back.bending_right is None

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from support.asserting import refuses, there
+from support.asserting import not_none, refuses
 from support.small_case import small_case
 from warp_trunk.case import read_case, write_case
 from warp_trunk.case.case import Study
@@ -104,7 +104,7 @@ def test_a_case_with_layers_comes_back(tmp_path: Path) -> None:
     )
     folder = tmp_path / "case"
     write_case(folder, replace(small_case(), layers=layers))
-    again = there(read_case(folder).layers)
+    again = not_none(read_case(folder).layers)
     assert again.skin_thickness == 1.3
     np.testing.assert_array_equal(again.fat_thickness, thickness)
     assert again.constants == layers.constants
@@ -118,7 +118,7 @@ GIVEN = {"poisson_ratio": 0.1 + 0.2, "fat.youngs_modulus": 3.25, "ribs.reversibl
 def test_what_is_set_is_there():
     case = with_constants(small_case(), GIVEN)
     assert {name: constant_of(case, name) for name in GIVEN} == GIVEN
-    skin, fat, muscle = there(case.layers).tissues(case.tissue)
+    skin, fat, muscle = not_none(case.layers).tissues(case.tissue)
     assert (skin.youngs_modulus, fat.youngs_modulus, muscle.youngs_modulus) == (130.0, 3.25, 10.0)
     assert fat.poisson_ratio == 0.1 + 0.2
     assert case.tissue.theta == small_case().tissue.theta
@@ -128,7 +128,7 @@ def test_constants_of_the_ribs_make_no_layers_and_those_of_layers_stay():
     assert with_constants(small_case(), {"ribs.axial_rotation": 0.5, "epsilon": 2.0}).layers is None
     layers = Layers(constants={"fat": {"density": 900.0, "youngs_modulus": 1.0}})
     case = with_constants(replace(small_case(), layers=layers), {"fat.youngs_modulus": 2.0})
-    assert there(case.layers).constants == {"fat": {"density": 900.0, "youngs_modulus": 2.0}}
+    assert not_none(case.layers).constants == {"fat": {"density": 900.0, "youngs_modulus": 2.0}}
     assert constant_of(small_case(), "fat.youngs_modulus") == 2.5  # the default of a layer
 
 

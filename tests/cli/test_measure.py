@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from support.asserting import there
+from support.asserting import not_none
 from support.report_results import write_small_result
 from support.small_case import mapped, small_case
 from warp_trunk.case import write_case
@@ -53,7 +53,7 @@ def test_against_an_actual_skin(place, tmp_path, capsys):
     record = table_of(tmp_path / "measures")
     comparison = compare_skins(after, case.skin, case.landmarks_after)
     assert record.values("error", "bsr_deg") == comparison.bsr_difference
-    back = there(comparison.distance["back"])
+    back = not_none(comparison.distance["back"])
     assert record.value("error", "distance_rms_mm", "back") == pytest.approx(back.rms)
     assert record.values("actual", "bsr_deg").keys() == record.values("after", "bsr_deg").keys()
     assert "Error of the back surface rotation" in capsys.readouterr().out

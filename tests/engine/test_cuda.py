@@ -54,10 +54,10 @@ def test_energies_and_gradient_are_those_of_numpy(energy: str, precision: str, g
     state = evaluated(
         model_of(trunk, tissue, device="cuda:0", energy=energy, gravity=gravity, precision=precision), NOISE
     )
-    found, inverted, _ = state.read()
+    on_device, inverted, _ = state.read()
     assert inverted == 0
     for term, value in reference.energies(NOISE).items():
-        assert found.terms.get(term, 0.0) == pytest.approx(value, rel=tolerance, abs=1e-12)
+        assert on_device.terms.get(term, 0.0) == pytest.approx(value, rel=tolerance, abs=1e-12)
     wanted = reference.gradient(NOISE)
     np.testing.assert_allclose(gradient_of(state), wanted, atol=tolerance * np.abs(wanted).max())
 
@@ -65,19 +65,19 @@ def test_energies_and_gradient_are_those_of_numpy(energy: str, precision: str, g
 @PRECISIONS
 @ENERGIES
 def test_a_skin_that_resists_bending_is_that_of_the_cpu(energy: str, precision: str) -> None:
-    found = []
+    by_device = []
     for device in ("cpu", "cuda:0"):
         model = model_of(with_skin(TRUNK), device=device, energy=energy, skin_rigidity=30.0, precision=precision)
         state = evaluated(model, NOISE)
         matrix = BlockMatrix(state)
-        given = [np.array(list(state.energy().terms.values())), state.gradient.numpy().copy()]
+        numbers = [np.array(list(state.energy().terms.values())), state.gradient.numpy().copy()]
         for assemble in (matrix.assemble_projected, matrix.assemble_true):
             assemble()
-            given.append(upper_blocks(matrix)[2])
-        found.append(given)
+            numbers.append(upper_blocks(matrix)[2])
+        by_device.append(numbers)
     tolerance = {"float32": 1e-4, "float64": 1e-11}[precision]
-    for there, here in zip(*found, strict=True):
-        np.testing.assert_allclose(here, there, atol=tolerance * np.abs(there).max())
+    for on_cpu, on_cuda in zip(*by_device, strict=True):
+        np.testing.assert_allclose(on_cuda, on_cpu, atol=tolerance * np.abs(on_cpu).max())
 
 
 @NEEDS_CPU
@@ -133,18 +133,18 @@ def test_the_preconditioner_is_symmetric_and_positive(
     model, generator = state.model, np.random.default_rng(3)
     at = Iterates.zero(model, 1)
     apply = Multigrid(matrix).step_and_apply(at)
-    given = [generator.normal(size=(model.free_nodes, 3)) for _ in range(2)]
-    found, products = [], []
-    for vectors in given:
+    drawn = [generator.normal(size=(model.free_nodes, 3)) for _ in range(2)]
+    preconditioned, products = [], []
+    for vectors in drawn:
         at.residual.assign(vectors)
         at.r_dot_z.iteration.fill_(-1)
         at.r_dot_z.products.zero_()
         apply()
-        found.append(at.preconditioned.numpy().astype(float))
+        preconditioned.append(at.preconditioned.numpy().astype(float))
         products.append(float(at.r_dot_z.products.numpy().sum()))
-    across = [float(np.vdot(given[i], found[1 - i])) for i in range(2)]
+    across = [float(np.vdot(drawn[i], preconditioned[1 - i])) for i in range(2)]
     assert across[0] == pytest.approx(across[1], abs=tolerance * products[0])
-    for vectors, solved, product in zip(given, found, products, strict=True):
+    for vectors, solved, product in zip(drawn, preconditioned, products, strict=True):
         assert product > 0.0
         assert product == pytest.approx(float(np.vdot(vectors, solved)), rel=tolerance)
 
@@ -155,10 +155,10 @@ def test_ends_at_an_equilibrium_that_numpy_confirms(precision: str, energy: str)
     tissue, path, tolerance = Tissue(poisson_ratio=0.49), turned(), 0.01
     reference = (Reference if energy == "itmsm" else Continuum)(TRUNK, tissue)
     model = model_of(TRUNK, tissue, device="cuda:0", energy=energy, precision=precision)
-    found = settle(model, path, 2, tolerance=tolerance).displacement
-    assert np.abs(reference.downhill(found, 2000) - found).max() < 2.0 * tolerance
+    displacement = settle(model, path, 2, tolerance=tolerance).displacement
+    assert np.abs(reference.downhill(displacement, 2000) - displacement).max() < 2.0 * tolerance
     held = TRUNK.prescribed
-    assert np.array_equal(found[held], path[held].astype(precision))
+    assert np.array_equal(displacement[held], path[held].astype(precision))
 
 
 def test_says_stalled_where_float32_cannot_reach_the_tolerance() -> None:
@@ -179,10 +179,10 @@ def test_products_by_recurrence_are_right_to_a_rounding_after_hundreds_of_iterat
     assert solver.go_on(300).iterations >= 300  # this one reads the coefficients, too
     dots = zero_dots(model)
     matrix.multiply(solver.search, model.free_vectors(), dots)()
-    found, wanted = solver.coefficients()[1][-1], float(dots.products.numpy().sum())
+    carried, wanted = solver.coefficients()[1][-1], float(dots.products.numpy().sum())
     square = float((solver.search.numpy().astype(float) ** 2).sum())
     largest = np.linalg.eigvalsh(np.asarray(on_host(matrix).todense(), dtype=float))[-1]
-    assert abs(found - wanted) <= np.finfo(np.float32).eps * largest * square
+    assert abs(carried - wanted) <= np.finfo(np.float32).eps * largest * square
 
 
 def test_other_threads_wait_while_launches_are_captured() -> None:

@@ -286,8 +286,8 @@ def test_distance_on_the_way_counts_the_steps_to_follow(tolerance: float) -> Non
     relaxer.state.set_displacement(case.displacement)
     ended = relaxer.relax(confirm=False)
     assert ended.status is RelaxStatus.NEAR
-    found = relaxer.state.host_displacement()
-    true = Reference(case.trunk, case.tissue, 1e3).error(found, 1e-4 * tolerance)
+    displacement = relaxer.state.host_displacement()
+    true = Reference(case.trunk, case.tissue, 1e3).error(displacement, 1e-4 * tolerance)
     assert true < 1.5 * ended.estimated_error
 
 
@@ -300,14 +300,14 @@ def test_claims_of_random_motions_are_true(seed: int) -> None:
 
 @pytest.mark.parametrize(("scale", "away", "bound"), [(1e-3, 0.0, 0.02), (1e3, 0.0, 0.02), (1.0, 1e4, 1e-4)])
 def test_unit_and_origin_change_nothing_else(scale: float, away: float, bound: float) -> None:
-    here, there = turned_block().end()[1], turned_block(scale, away=away).end()[1] / scale
-    assert np.linalg.norm(here - there, axis=1).max() < bound
+    near_origin, far_away = turned_block().end()[1], turned_block(scale, away=away).end()[1] / scale
+    assert np.linalg.norm(near_origin - far_away, axis=1).max() < bound
 
 
 def test_grids_of_pieces_far_apart_have_no_vertices_between_them() -> None:
     """Those 17 m apart did not fit into the memory. Trilinear weights give linear functions."""
-    one = block()
-    points = np.vstack([one.nodes, one.nodes + 1e6])
+    near_block = block()
+    points = np.vstack([near_block.nodes, near_block.nodes + 1e6])
     grids, to_points = lay_grids(points)
     assert max(each.number.size for each in grids) < 1000
     between = [coarse.interpolate(fine.positions) for fine, coarse in pairwise(grids)]
@@ -315,8 +315,8 @@ def test_grids_of_pieces_far_apart_have_no_vertices_between_them() -> None:
     for coarse, onto, target in zip([*grids, *grids[1:]], [*to_points, *between], targets, strict=True):
         whole = onto.weight.sum(axis=1) > 1.0 - 1e-9  # no vertex of their cells is left out
         assert np.ptp(target[whole][:, 0]) > 1e5
-        found = np.einsum("pc,pcd->pd", onto.weight, coarse.positions[onto.vertex])
-        np.testing.assert_allclose(found[whole], target[whole], atol=1e-5)
+        interpolated = np.einsum("pc,pcd->pd", onto.weight, coarse.positions[onto.vertex])
+        np.testing.assert_allclose(interpolated[whole], target[whole], atol=1e-5)
 
 
 @pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])

@@ -32,7 +32,7 @@ def foreign(name: str, source: str) -> list[str]:
         each
         for each in imported
         if each.split(".")[0] not in sys.stdlib_module_names
-        and not any(each == one or each.startswith(f"{one}.") for one in ALLOWED)
+        and not any(each == module or each.startswith(f"{module}.") for module in ALLOWED)
     ]
 
 

@@ -69,8 +69,8 @@ def check_constants(options: dict[str, Any], within: float, rest: Callable[[Mode
     model = rest(scene(**options))
     linear = Linearization(model, settle(model, MOVE, tolerance=TIGHT), accuracy=1e-10 if within < 1e-3 else 1e-6)
     adjoint = linear.adjoints(WEIGHT[None]).fields[0]
-    known = constants_of(model)
-    for constant in (c for c in known if c.tissue in (None, 1) or (c.name == "youngs_modulus" and model.skin)):
+    constants = constants_of(model)
+    for constant in (c for c in constants if c.tissue in (None, 1) or (c.name == "youngs_modulus" and model.skin)):
         value = value_of(model, constant)
         wanted = difference(
             lambda x, constant=constant: ended(rest(scene({constant: x}, **options)), MOVE), value, within * value
@@ -80,7 +80,7 @@ def check_constants(options: dict[str, Any], within: float, rest: Callable[[Mode
         followed = linear.follow(np.zeros((1, *MOVE.shape)), pull[None])[0]
         np.testing.assert_allclose(followed, wanted, rtol=0.0, atol=within * np.abs(wanted).max())
         assert -np.vdot(adjoint, pull) == pytest.approx(np.vdot(WEIGHT, wanted), rel=within)
-    return {constant.name for constant in known}
+    return {constant.name for constant in constants}
 
 
 SCENES = pytest.mark.parametrize(
@@ -164,15 +164,17 @@ def test_what_an_adjoint_left_counts_by_what_the_guess_lacks(energy: str) -> Non
 
 
 def test_float32_and_threads_give_the_same() -> None:
-    found = []
+    products = []
     for precision, threads in (("float64", 1), ("float32", 1), ("float32", 3)):
         model = model_of(TRUNK, threads=threads, precision=precision)
         linear = Linearization(model, settle(model, MOVE))
         adjoint = linear.adjoints(WEIGHT[None])
         by_bones = linear.position_derivatives(adjoint)[:, TRUNK.prescribed]
-        found.append([*by_bones.ravel(), np.vdot(adjoint.fields, linear.force_derivative(Constant("theta", 0)))])
-    for other in found[1:]:
-        np.testing.assert_allclose(other, found[0], rtol=0.0, atol=2e-3 * np.abs(found[0]).max())
+        products.append(
+            [*by_bones.ravel(), np.vdot(adjoint.fields, linear.force_derivative(Constant("theta", 0)))]
+        )
+    for other in products[1:]:
+        np.testing.assert_allclose(other, products[0], rtol=0.0, atol=2e-3 * np.abs(products[0]).max())
 
 
 def test_a_change_of_all_tissues_is_the_sum_of_changes() -> None:
@@ -189,9 +191,9 @@ def test_newton_correction_leads_to_the_equilibrium(options: dict[str, Any]) -> 
     (early,) = increments(model, MOVE, tolerance=TIGHT, max_steps=3)
     assert early.relaxation.status is RelaxStatus.STEP_LIMIT
     way = ended(model, MOVE) - early.displacement
-    found = Linearization(model, early, accuracy=1e-10, unconfirmed=True).newton_correction()
+    correction = Linearization(model, early, accuracy=1e-10, unconfirmed=True).newton_correction()
     assert np.linalg.norm(way) > 1e-6
-    assert np.linalg.norm(found - way) < 0.1 * np.linalg.norm(way)
+    assert np.linalg.norm(correction - way) < 0.1 * np.linalg.norm(way)
 
 
 def test_refusals() -> None:

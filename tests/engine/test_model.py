@@ -139,7 +139,7 @@ def test_released_nodes_are_free_as_if_they_never_were_on_bone(energy: str) -> N
     bone, first, second = mesh.bone.copy(), held[::3], held[1::5]
     bone[first], bone[second] = -1, -1
     moved = bent_and_noisy(mesh)
-    free_before, found, axes = model_of(mesh, tissues, **options), [], np.arange(3)
+    free_before, results, axes = model_of(mesh, tissues, **options), [], np.arange(3)
     released = free_before.released(first).released(second)
     np.testing.assert_array_equal(released.order[free_before.free], free_before.order[free_before.free])
     for model in (model_of(replace(mesh, bone=bone), tissues, **options), released):
@@ -151,11 +151,11 @@ def test_released_nodes_are_free_as_if_they_never_were_on_bone(energy: str) -> N
         hessian[np.ix_(free, axes, free, axes)] = np.asarray(on_host(matrix).todense()).reshape(
             len(free), 3, len(free), 3
         )
-        ones = np.eye(3 * len(prescribed)).reshape(-1, len(prescribed), 3)
-        across = coupling.times(ones).transpose(1, 2, 0).reshape(len(free), 3, len(prescribed), 3)
+        units = np.eye(3 * len(prescribed)).reshape(-1, len(prescribed), 3)
+        across = coupling.times(units).transpose(1, 2, 0).reshape(len(free), 3, len(prescribed), 3)
         hessian[np.ix_(free, axes, prescribed, axes)] = across
-        found.append((state.energy().terms, gradient_of(state), hessian))
-    (energies, gradient, hessian), (energies_released, gradient_released, hessian_released) = found
+        results.append((state.energy().terms, gradient_of(state), hessian))
+    (energies, gradient, hessian), (energies_released, gradient_released, hessian_released) = results
     assert energies_released == pytest.approx(energies, rel=1e-12)
     np.testing.assert_allclose(gradient_released, gradient, atol=1e-12 * np.abs(gradient).max())
     np.testing.assert_allclose(hessian_released, hessian, atol=1e-12 * np.abs(hessian).max())

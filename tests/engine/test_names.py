@@ -29,27 +29,27 @@ def modules() -> Iterator[ast.Module]:
 
 def members() -> dict[str, set[str]]:
     """Fields, properties and methods by class."""
-    found: dict[str, set[str]] = defaultdict(set)
+    names: dict[str, set[str]] = defaultdict(set)
     for module in modules():
         for node in module.body:
             if isinstance(node, ast.ClassDef):
                 for child in node.body:
                     if isinstance(child, ast.AnnAssign) and isinstance(child.target, ast.Name):
-                        found[node.name].add(child.target.id)
+                        names[node.name].add(child.target.id)
                     elif isinstance(child, ast.FunctionDef):
-                        found[node.name].add(child.name)
-    return found
+                        names[node.name].add(child.name)
+    return names
 
 
 def test_what_the_glossary_names_exists_with_its_unit() -> None:
-    known, rows = members(), GLOSSARY.splitlines()[2:]
+    classes, rows = members(), GLOSSARY.splitlines()[2:]
     assert len(rows) > 10
     for row in rows:
         term, meaning, _, places = (cell.strip() for cell in row.strip("|").split("|"))
         assert term
         assert meaning
         for owner, member in re.findall(r"`(\w+)\.(\w+)`", places):
-            assert member in known[owner], f"{term}: {owner} has no {member}"
+            assert member in classes[owner], f"{term}: {owner} has no {member}"
 
 
 def test_a_constant_has_one_value_in_all_files() -> None:
@@ -62,7 +62,7 @@ def test_a_constant_has_one_value_in_all_files() -> None:
                 for name in target.elts if isinstance(target, ast.Tuple) else [target]:
                     if isinstance(name, ast.Name) and name.id.isupper():
                         values[name.id].add(ast.unparse(node.value))
-    twice = {name: found for name, found in values.items() if len(found) > 1 and len(name) > 1}
+    twice = {name: various for name, various in values.items() if len(various) > 1 and len(name) > 1}
     assert set(twice) <= EACH_ENERGY, twice
 
 
@@ -72,4 +72,4 @@ def test_no_field_or_argument_has_a_name_of_several_meanings(word: str) -> None:
     for module in modules():
         for node in ast.walk(module):
             if isinstance(node, ast.arguments):
-                assert word not in [one.arg for one in (*node.args, *node.kwonlyargs)]
+                assert word not in [argument.arg for argument in (*node.args, *node.kwonlyargs)]

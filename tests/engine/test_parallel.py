@@ -56,10 +56,10 @@ def test_zero_threads_are_all_usable_cores() -> None:
 
 
 @wp.kernel(enable_backward=False)
-def pass_on_kernel(items: Items, given: wp.array(dtype=wp.int32), taken: wp.array(dtype=wp.int32)):
+def pass_on_kernel(items: Items, source: wp.array(dtype=wp.int32), taken: wp.array(dtype=wp.int32)):
     i = items.first + wp.tid()  # pyright: ignore[reportOperatorIssue]
     if i < items.end:
-        taken[i] = given[(i + 1) % given.shape[0]]
+        taken[i] = source[(i + 1) % source.shape[0]]
 
 
 @wp.kernel(enable_backward=False)
@@ -70,16 +70,16 @@ def count_down_kernel(items: Items, left: wp.array(dtype=wp.int32)):
 @pytest.mark.parametrize("threads", [1, 2, 3, 5])
 def test_a_loop_does_its_launches_one_after_the_other(threads: int) -> None:
     parallel, size, turns = Parallel("cpu", threads, least_split=1), 1001, 200
-    one, other = (wp.zeros(size, dtype=wp.int32, device="cpu") for _ in range(2))
+    passed, other = (wp.zeros(size, dtype=wp.int32, device="cpu") for _ in range(2))
     left = wp.zeros(1, dtype=wp.int32, device="cpu")
-    there, back = (parallel.record(pass_on_kernel, size, [a], [b]) for a, b in ((one, other), (other, one)))
+    forth, back = (parallel.record(pass_on_kernel, size, [a], [b]) for a, b in ((passed, other), (other, passed)))
     count = parallel.record(count_down_kernel, np.array([0, 1]), [], [left])
-    run = parallel.graph(parallel.repeat(left, in_sequence(count, there, back)))
-    one.assign(np.arange(size, dtype=np.int32))
+    run = parallel.graph(parallel.repeat(left, in_sequence(count, forth, back)))
+    passed.assign(np.arange(size, dtype=np.int32))
     for done in (1, 2):
         left.fill_(turns)
         run()
-        np.testing.assert_array_equal(one.numpy(), np.roll(np.arange(size), -2 * turns * done))
+        np.testing.assert_array_equal(passed.numpy(), np.roll(np.arange(size), -2 * turns * done))
 
 
 def test_clears() -> None:

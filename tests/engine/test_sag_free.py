@@ -38,14 +38,14 @@ def standing(energy: str = "itmsm", youngs_modulus: float = 3.0) -> Model:
 @ENERGIES
 def test_without_surgery_nothing_changes(energy: str) -> None:
     model = standing(energy)
-    found = sag_free(model, tolerance=1e-4)
-    assert found.error <= 1e-4
+    rest_state = sag_free(model, tolerance=1e-4)
+    assert rest_state.error <= 1e-4
     assert np.linalg.norm(settle(model, STILL, tolerance=1e-4).displacement, axis=1).max() > 0.3
     for count in (1, 3):
-        end = settle(found.model, STILL, count, tolerance=1e-4).displacement
+        end = settle(rest_state.model, STILL, count, tolerance=1e-4).displacement
         assert np.linalg.norm(end, axis=1).max() < 3e-4
     assert (
-        tet_volumes(at_rest(found.model).nodes, BARE.tets) > LEAST_VOLUME * tet_volumes(BARE.nodes, BARE.tets)
+        tet_volumes(at_rest(rest_state.model).nodes, BARE.tets) > LEAST_VOLUME * tet_volumes(BARE.nodes, BARE.tets)
     ).all()
 
 
@@ -64,18 +64,18 @@ def test_a_column_is_longer_at_rest_by_what_its_weight_presses_it_together() -> 
     tissue = Tissue(youngs_modulus=100.0, poisson_ratio=0.0)
     column = model_of(trunk(nodes, tets, nodes[:, 2] == 0.0), tissue, energy="neo-hookean", gravity=GRAVITY)
     sag = 1000.0 * GRAVITY * 0.060**2 / (2.0 * 100e3) * 1e3
-    found = sag_free(column, tolerance=1e-5).model
-    assert found.scan is not None
-    assert -found.scan[found.rest[:, 2] > 59.0, 2].mean() == pytest.approx(sag, rel=0.01)
+    model = sag_free(column, tolerance=1e-5).model
+    assert model.scan is not None
+    assert -model.scan[model.rest[:, 2] > 59.0, 2].mean() == pytest.approx(sag, rel=0.01)
 
 
 def test_surgery_is_measured_from_the_scan_whatever_the_increments() -> None:
     model = sag_free(standing()).model
     path = 0.02 * (rotate(BARE.nodes, 30.0, (1.0, 2.0, 0.5)) - BARE.nodes) + [0.0, 0.0, 1.0]
-    one, four = (settle(model, path, count, tolerance=1e-4).displacement for count in (1, 4))
-    assert np.abs(one - four).max() < 1e-3
-    assert (one[BARE.prescribed] == path[BARE.prescribed]).all()
-    assert np.abs(relax(model, path, tolerance=1e-4)[1] - one).max() < 1e-3
+    at_once, four = (settle(model, path, count, tolerance=1e-4).displacement for count in (1, 4))
+    assert np.abs(at_once - four).max() < 1e-3
+    assert (at_once[BARE.prescribed] == path[BARE.prescribed]).all()
+    assert np.abs(relax(model, path, tolerance=1e-4)[1] - at_once).max() < 1e-3
 
 
 def test_nodes_that_come_off_the_bone_are_at_rest_where_gravity_pulls_them_into_the_scan_too() -> None:
@@ -94,8 +94,8 @@ def test_the_model_given_is_left_as_it_is() -> None:
 
 
 def test_without_gravity_there_is_nothing_to_find() -> None:
-    found = sag_free(model := model_of(BARE))
-    assert (found.model, found.rounds) == (model, 0)
+    rest_state = sag_free(model := model_of(BARE))
+    assert (rest_state.model, rest_state.rounds) == (model, 0)
 
 
 @ENERGIES

@@ -98,9 +98,9 @@ def interrupt_often(count: int) -> None:
 @needs_posix
 def test_an_interrupted_relaxer_is_as_usable_as_new() -> None:
     """Its threads hung or failed in 22 of 24 cases."""
-    here = Path(__file__)
-    code = f"import sys; sys.path[:0] = [{str(here.parent)!r}, {str(here.parents[1])!r}]\n"
-    code += f"import {here.stem}; {here.stem}.interrupt_often(60)"
+    this_file = Path(__file__)
+    code = f"import sys; sys.path[:0] = [{str(this_file.parent)!r}, {str(this_file.parents[1])!r}]\n"
+    code += f"import {this_file.stem}; {this_file.stem}.interrupt_often(60)"
     subprocess.run([sys.executable, "-c", code], check=True, timeout=300)
 
 
@@ -235,19 +235,19 @@ def test_threads_of_one_process_take_turns() -> None:
     """Each with a model of its own. What one launched was captured for another, and the process crashed."""
     turns = (6.0, 9.0, 12.0)
     wanted = [outcome(list(simulate(model(), turned(degrees), OPTIONS))[-1]) for degrees in turns]
-    found: list[tuple[int, tuple[object, ...]]] = []
+    outcomes: list[tuple[int, tuple[object, ...]]] = []
 
     def work(first: int) -> None:
         for number in itertools.islice(itertools.cycle(range(len(turns))), first, first + 4):
-            found.append((number, outcome(list(simulate(model(), turned(turns[number]), OPTIONS))[-1])))
+            outcomes.append((number, outcome(list(simulate(model(), turned(turns[number]), OPTIONS))[-1])))
 
     threads = [threading.Thread(target=work, args=(first,)) for first in range(4)]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    assert len(found) == 16
-    assert all(each == wanted[number] for number, each in found)
+    assert len(outcomes) == 16
+    assert all(each == wanted[number] for number, each in outcomes)
 
 
 @needs_posix

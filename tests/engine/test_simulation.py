@@ -68,9 +68,9 @@ def test_another_plan_with_the_same_relaxer_is_the_same_to_the_last_bit() -> Non
     fresh = [step for plan in plans for step in simulate(model, plan, options)]
     relaxer = Relaxer(model, options.relax)
     again = [step for plan in plans for step in simulate(model, plan, options, relaxer=relaxer)]
-    for one, other in zip(fresh, again, strict=True):
-        assert (one.from_rest == other.from_rest).all()
-        assert one.relaxation == other.relaxation
+    for increment, other in zip(fresh, again, strict=True):
+        assert (increment.from_rest == other.from_rest).all()
+        assert increment.relaxation == other.relaxation
 
 
 def test_the_grids_from_before_nodes_came_off_the_bones_serve_after() -> None:
@@ -81,10 +81,10 @@ def test_the_grids_from_before_nodes_came_off_the_bones_serve_after() -> None:
     for nodes in np.split(np.flatnonzero(HELD)[1:13:2], 2):
         model = model.released(nodes)
         relaxer = Relaxer(model, options.relax, relaxer.grids)
-        (found,), (wanted,) = simulate(model, path, options, relaxer=relaxer), simulate(model, path, options)
-        assert found.relaxation.status is RelaxStatus.CONVERGED
-        assert np.abs(found.displacement - wanted.displacement).max() < 2e-6
-        assert (np.abs(found.displacement - path.at(1.0)).max(axis=1) > 1e-3)[nodes].all()
+        (increment,), (wanted,) = simulate(model, path, options, relaxer=relaxer), simulate(model, path, options)
+        assert increment.relaxation.status is RelaxStatus.CONVERGED
+        assert np.abs(increment.displacement - wanted.displacement).max() < 2e-6
+        assert (np.abs(increment.displacement - path.at(1.0)).max(axis=1) > 1e-3)[nodes].all()
 
 
 @pytest.mark.parametrize("seed", [4, 36, 38])
@@ -99,9 +99,9 @@ def test_what_a_relaxation_learns_does_not_outlive_it(seed: int) -> None:
     wanted = list(simulate(model, PrescribedMotion(moved), options, relaxer=fresh))
     for before in (0.7 * moved[:, [1, 0, 2]], moved):
         list(simulate(model, PrescribedMotion(before), options, relaxer=shared))
-        found = list(simulate(model, PrescribedMotion(moved), options, relaxer=shared))
-        assert [each.relaxation for each in found] == [each.relaxation for each in wanted]
-        assert (found[-1].from_rest == wanted[-1].from_rest).all()
+        increments = list(simulate(model, PrescribedMotion(moved), options, relaxer=shared))
+        assert [each.relaxation for each in increments] == [each.relaxation for each in wanted]
+        assert (increments[-1].from_rest == wanted[-1].from_rest).all()
 
 
 def test_refuses_what_does_not_belong_together() -> None:

@@ -47,8 +47,8 @@ def test_the_matrix_is_that_of_differences_of_the_gradient(energy: str, threads:
     slope = np.vdot(0.5 * (up + down), along)
     assert (high - low) / 2e-6 == pytest.approx(slope, rel=1e-6)
     wanted = ((up - down) / 2e-6)[model.free].ravel()
-    found = on_host(matrix).toarray() @ along[model.free].ravel()
-    np.testing.assert_allclose(found, wanted, atol=1e-6 * np.abs(wanted).max())
+    product = on_host(matrix).toarray() @ along[model.free].ravel()
+    np.testing.assert_allclose(product, wanted, atol=1e-6 * np.abs(wanted).max())
 
 
 @pytest.mark.parametrize("energy", ENERGIES)
@@ -89,15 +89,15 @@ def test_the_scan_stands_under_gravity() -> None:
 def test_the_distance_reported_in_float32_is_not_below_the_true_one(energy: str, rigidity: float) -> None:
     """Against float64, up to a skin that is far stiffer than the tissue; where float32 has no digits for the end,
     the simulation continues in float64."""
-    move, found = 0.3 * (rotate(TRUNK.nodes, 12.0, (0.3, 1.0, 0.2)) - TRUNK.nodes), []
+    move, ends = 0.3 * (rotate(TRUNK.nodes, 12.0, (0.3, 1.0, 0.2)) - TRUNK.nodes), []
     for precision, tolerance in (("float64", 1e-6), ("float32", 0.01), ("float32", 1e-6)):
         model = skinned(energy=energy, skin_rigidity=rigidity, precision=precision)
-        found += increments(model, move, tolerance=tolerance)
-    exact, reported = found[0].displacement, found[1].relaxation.estimated_error
-    assert [one.relaxation.status for one in found[:2]] == [RelaxStatus.CONVERGED] * 2
-    assert np.linalg.norm(found[1].displacement - exact, axis=1).max() < reported <= 0.01
-    assert (found[2].relaxer.model.precision, found[2].relaxation.status) == ("float64", RelaxStatus.CONVERGED)
-    assert np.linalg.norm(found[2].displacement - exact, axis=1).max() < 2e-6
+        ends += increments(model, move, tolerance=tolerance)
+    exact, reported = ends[0].displacement, ends[1].relaxation.estimated_error
+    assert [increment.relaxation.status for increment in ends[:2]] == [RelaxStatus.CONVERGED] * 2
+    assert np.linalg.norm(ends[1].displacement - exact, axis=1).max() < reported <= 0.01
+    assert (ends[2].relaxer.model.precision, ends[2].relaxation.status) == ("float64", RelaxStatus.CONVERGED)
+    assert np.linalg.norm(ends[2].displacement - exact, axis=1).max() < 2e-6
 
 
 def test_a_rigidity_of_zero_leaves_the_skin_out() -> None:

@@ -43,10 +43,10 @@ def shuffled(tets: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("name", MESHES)
 def test_edges_and_faces_are_counted(name: str) -> None:
     tets = shuffled(MESHES[name])
-    for part, size, found in ((EDGES, 2, edges_shared(tets)), (FACES, 3, faces_shared(tets))):
+    for part, size, computed in ((EDGES, 2, edges_shared(tets)), (FACES, 3, faces_shared(tets))):
         count = Counter(each for tet in tets.tolist() for each in combinations(sorted(tet), size))
         expected = [[count[tuple(sorted(tet[part[k]].tolist()))] for k in range(len(part))] for tet in tets]
-        np.testing.assert_array_equal(found, expected)
+        np.testing.assert_array_equal(computed, expected)
 
 
 @pytest.mark.parametrize("owners", [1, 2, None])
@@ -65,14 +65,14 @@ def test_rows_list_the_neighbours_and_every_pair_has_its_block(name: str, part: 
                 neighbours[node] |= {other for other in tet if other < size}
     edges = Edges.among(tets)
     np.testing.assert_array_equal(np.diff(edges.row_start(size)), [len(row) for row in neighbours])
-    found = edges.pattern(owner)
-    start, columns = found.row_start, found.columns
+    pattern = edges.pattern(owner)
+    start, columns = pattern.row_start, pattern.columns
     expected = [[c for c in sorted(row) if c >= i or owner[c] != owner[i]] for i, row in enumerate(neighbours)]
     assert [columns[start[i] : start[i + 1]].tolist() for i in range(size)] == expected
-    place = {pair: block for block, pair in enumerate(zip(found.rows.tolist(), columns.tolist(), strict=True))}
-    assert found.diagonal.tolist() == [place[i, i] for i in range(size)]
-    assert found.image.tolist() == [place.get((c, r), -1) if r < c else -1 for r, c in place]
-    for tet, blocks in zip(tets.tolist(), found.block_of.tolist(), strict=True):
+    place = {pair: block for block, pair in enumerate(zip(pattern.rows.tolist(), columns.tolist(), strict=True))}
+    assert pattern.diagonal.tolist() == [place[i, i] for i in range(size)]
+    assert pattern.image.tolist() == [place.get((c, r), -1) if r < c else -1 for r, c in place]
+    for tet, blocks in zip(tets.tolist(), pattern.block_of.tolist(), strict=True):
         for (a, b), found_at in zip(combinations_with_replacement(tet, 2), blocks, strict=True):
             assert found_at == place.get((min(a, b), max(a, b)), -1)
 
@@ -81,9 +81,9 @@ def test_rows_list_the_neighbours_and_every_pair_has_its_block(name: str, part: 
 def test_edges_of_nodes_with_other_numbers_are_those_of_their_stencils(name: str) -> None:
     tets = shuffled(MESHES[name])
     number = np.random.default_rng(1).permutation(int(tets.max()) + 1)
-    found, expected = Edges.among(tets).renumbered(number), Edges.among(number[tets])
+    edges, expected = Edges.among(tets).renumbered(number), Edges.among(number[tets])
     for field in fields(Edges):
-        np.testing.assert_array_equal(getattr(found, field.name), getattr(expected, field.name))
+        np.testing.assert_array_equal(getattr(edges, field.name), getattr(expected, field.name))
 
 
 def test_pieces_have_the_number_of_their_lowest_node() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from support.asserting import there
+from support.asserting import not_none
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.back_points import NOISY, find_back
@@ -55,7 +55,7 @@ def measured(points):
 @pytest.fixture(scope="module")
 def known():
     """Rotation by level of the skin without noise."""
-    return {level: there(one).rotation for level, one in measured(scan(noise=0.0)).levels.items()}
+    return {level: not_none(one).rotation for level, one in measured(scan(noise=0.0)).levels.items()}
 
 
 def errors(found, known):
@@ -82,7 +82,7 @@ def test_what_surrounds_a_back_is_left_out_and_counted(name, known):
     around = SURROUNDINGS[name]
     found = measured(np.vstack([scan(), around]))
     assert errors(found, known).max() < 0.5
-    left = len(there(found.scan).surroundings) + len(there(found.scan).hidden)
+    left = len(not_none(found.scan).surroundings) + len(not_none(found.scan).hidden)
     assert left > 0.8 * len(np.unique(np.floor(around / 3.0), axis=0))
     assert f"{left} of " in found.text()
 
@@ -114,12 +114,12 @@ def test_a_plait_does_not_turn_the_back(profile, aside, known):
     found = measured(points)
     error = errors(found, known)
     assert np.nanmax(error) < 1.0
-    below = [k for k, one in enumerate(found.levels.values()) if there(one).height < 230.0]
+    below = [k for k, one in enumerate(found.levels.values()) if not_none(one).height < 230.0]
     assert np.isfinite(error[below]).all()
-    upper = {level for level, one in found.levels.items() if there(one).height > 260.0}
-    told = {level for level, one in found.levels.items() if there(one).bridged} | found.missing.keys()
+    upper = {level for level, one in found.levels.items() if not_none(one).height > 260.0}
+    told = {level for level, one in found.levels.items() if not_none(one).bridged} | found.missing.keys()
     assert upper <= told
-    on = there(found.scan).raised
+    on = not_none(found.scan).raised
     assert (on[:, 2] > 235.0).mean() > 0.98
     assert (np.abs(on[:, 0] - aside) < 33.0).mean() > 0.98
     for level in upper:
@@ -130,7 +130,7 @@ def test_hair_over_the_whole_upper_back_leaves_its_levels_out(known):
     found = measured(scan(hair=lambda x, z: np.where((np.abs(x - 20.0) < 80.0) & (z > 220.0), 15.0, 0.0)))
     error = errors(found, known)
     assert np.nanmax(error) < 1.0
-    assert {level for level, one in found.levels.items() if there(one).height > 245.0} <= found.missing.keys()
+    assert {level for level, one in found.levels.items() if not_none(one).height > 245.0} <= found.missing.keys()
 
 
 def splats(sd, seed):
@@ -144,7 +144,7 @@ def splats(sd, seed):
 @pytest.mark.parametrize("seed", range(3))
 def test_points_of_apps_are_smoothed_and_their_noise_is_in_the_intervals(seed, known):
     found = measured(splats(3.0, seed))
-    scanned = there(found.scan)
+    scanned = not_none(found.scan)
     assert scanned.smoothed
     assert scanned.noise == pytest.approx(3.0, rel=0.25)
     assert scanned.error < 0.3 * scanned.noise
@@ -153,7 +153,7 @@ def test_points_of_apps_are_smoothed_and_their_noise_is_in_the_intervals(seed, k
     assert error.max() < 1.6
     assert np.sqrt(np.mean(error**2)) < 1.0
     rows = [row for row in found.measured() if row.quantity == "bsr_deg"]
-    inside = [there(row.low) <= known[row.level] <= there(row.high) for row in rows]
+    inside = [not_none(row.low) <= known[row.level] <= not_none(row.high) for row in rows]
     assert np.mean(inside) > 0.8
     assert "scatter by" in found.text()
     assert NOISY < 1.0
@@ -176,4 +176,4 @@ def test_a_bridge_over_a_cylinder_is_the_cylinder():
 def test_a_plait_is_found_before_a_sparser_wall(known):
     found = measured(np.vstack([scan(hair=plait("round")), SURROUNDINGS["a wall 200 mm in front"]]))
     assert np.nanmax(errors(found, known)) < 1.0
-    assert there(found.scan).stands
+    assert not_none(found.scan).stands

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from support.asserting import there
+from support.asserting import not_none
 from support.synthetic import box, sphere
 from support.trunk_shapes import joined
 from warp_trunk.errors import InputError
@@ -39,7 +39,7 @@ def test_two_bodies_and_the_hole_of_a_third():
     areas = sorted(enclosed_area(loop) for loop in loops)
     assert len(areas) == 3
     assert areas[0] < 0.0 < areas[1] < areas[2]
-    around = there(trunk_loop(loops, np.array([40.0, 0.0])))
+    around = not_none(trunk_loop(loops, np.array([40.0, 0.0])))
     assert enclosed_area(around) == areas[2]
 
 
@@ -108,7 +108,7 @@ def test_an_arm_that_touches_is_no_part_of_the_trunk(overlap, radius):
     rest = ((arm / [130.0, 90.0]) ** 2).sum(axis=1) > 1.0
     arm = np.roll(arm, 200, axis=0)[np.roll(rest, 200)]
     both = np.vstack([arm, np.roll(trunk, -first, axis=0)[: outside.sum()]])
-    own = there(own_part(both, np.array([0.0, 60.0])))
+    own = not_none(own_part(both, np.array([0.0, 60.0])))
     assert own[:, 0].max() == pytest.approx(130.0, abs=1.0)
     assert own[:, 0].min() == pytest.approx(-130.0, abs=0.1)
     assert enclosed_area(own) == pytest.approx(np.pi * 130.0 * 90.0, rel=3e-3)

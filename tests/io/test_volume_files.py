@@ -8,7 +8,7 @@ import meshio
 import numpy as np
 import pytest
 
-from support.asserting import refuses, there
+from support.asserting import not_none, refuses
 from support.small_trunk import boned_case, small_trunk
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
@@ -64,12 +64,12 @@ def moduli_of_abaqus(path):
 def moduli_of_febio(path):
     """The same of a .feb file."""
     root = ElementTree.parse(path).getroot()
-    material = {one.get("name"): 1e3 * float(there(one.findtext("E"))) for one in root.iter("material")}
+    material = {one.get("name"): 1e3 * float(not_none(one.findtext("E"))) for one in root.iter("material")}
     domain = {one.get("name"): one.get("mat") for one in root.iter("SolidDomain")}
     return {
         one.get("name"): (
             material[domain[one.get("name")]],
-            np.array([int(there(row.get("id"))) for row in one.iter("elem")]) - 1,
+            np.array([int(not_none(row.get("id"))) for row in one.iter("elem")]) - 1,
         )
         for one in root.iter("Elements")
     }
@@ -106,9 +106,9 @@ def test_a_mesh_comes_back_through_every_format_in_the_axes_that_it_states(endin
         np.testing.assert_array_equal(back.bone, mesh.bone)
         assert sets_of(back) == sets_of(trunk)
     if ending not in (".msh", ".inp"):
-        np.testing.assert_allclose(there(back.tissue), there(mesh.tissue))
+        np.testing.assert_allclose(not_none(back.tissue), not_none(mesh.tissue))
     elif ending == ".msh":
-        np.testing.assert_array_equal(there(back.tissue), there(mesh.tissue).argmax(axis=1))
+        np.testing.assert_array_equal(not_none(back.tissue), not_none(mesh.tissue).argmax(axis=1))
     content = path.read_bytes()
     assert stated_space(ending, content) == "LPS"
     codes = [" ".join(map(str, name.encode())).encode() for name in ("LPS", "RAS")]
@@ -272,7 +272,7 @@ def test_abaqus_gets_sets_material_and_every_displacement(trunk, motion, tmp_pat
 
 def words(element: ElementTree.Element | None) -> list[str]:
     """The words of an element, parted by commas."""
-    return there(there(element).text).split(",")
+    return not_none(not_none(element).text).split(",")
 
 
 def test_febio_gets_a_whole_problem(trunk, motion, tmp_path):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import warp as wp
 from warp_trunk.kernels.arguments import Items, filled
-from warp_trunk.kernels.assembly import COLUMNS, KEPT, NUMBERS, PAIRS, SYMMETRIC, vec10i
+from warp_trunk.kernels.assembly import COLUMNS, NUMBERS, NUMBERS_KEPT, PAIRS, SYMMETRIC, vec10i
 from warp_trunk.kernels.itmsm import itmsm_formulas
 from warp_trunk.kernels.neo_hookean import neo_hookean_formulas
 from warp_trunk.kernels.tets import TetFormulas, tet_kernels
@@ -85,16 +85,16 @@ def test_are_what_warp_compiles_for_one(energy: str, gravity: float, precision: 
     tets = len(model.corners)
     for first, end in ((0, tets), (3, tets - 2), (5, 9), (tets - 1, tets), (4, 4)):
         count = end - first
-        found = gradients(model, loops.gradient, 1, first, end)
+        generated = gradients(model, loops.gradient, 1, first, end)
         wanted = gradients(model, items.gradient, count, first, end)
-        for ours, theirs in zip(found, wanted, strict=True):
-            np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=ROUNDING[precision] * np.abs(theirs).max())
-        np.testing.assert_array_equal(found[1], wanted[1])
+        for ours, compiled in zip(generated, wanted, strict=True):
+            np.testing.assert_allclose(ours, compiled, rtol=0.0, atol=ROUNDING[precision] * np.abs(compiled).max())
+        np.testing.assert_array_equal(generated[1], wanted[1])
         assert wanted[1].any() or count < tets
         for name in ("projected_hessian", "hessian"):
             ours = blocks(model, getattr(loops, name), 1, first, end)
-            theirs = blocks(model, getattr(items, name), count, first, end)
-            np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=ROUNDING[precision] * np.abs(theirs).max())
+            compiled = blocks(model, getattr(items, name), count, first, end)
+            np.testing.assert_allclose(ours, compiled, rtol=0.0, atol=ROUNDING[precision] * np.abs(compiled).max())
 
 
 TISSUES = {
@@ -124,9 +124,9 @@ def test_is_the_derivative_of_the_gradient(energy: str, tissue: str) -> None:
     model = model_of(trunk, TISSUES[tissue], energy=energy)
     for name, start in starts(trunk).items():
         numeric = differenced_gradient(model, start)
-        found = dense_hessian(model, start, "hessian")
-        np.testing.assert_allclose(found, found.T, rtol=0.0, atol=1e-13 * np.abs(found).max(), err_msg=name)
-        np.testing.assert_allclose(found, numeric, rtol=0.0, atol=1e-7 * np.abs(found).max(), err_msg=name)
+        hessian = dense_hessian(model, start, "hessian")
+        np.testing.assert_allclose(hessian, hessian.T, rtol=0.0, atol=1e-13 * np.abs(hessian).max(), err_msg=name)
+        np.testing.assert_allclose(hessian, numeric, rtol=0.0, atol=1e-7 * np.abs(hessian).max(), err_msg=name)
 
 
 @pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
@@ -134,9 +134,9 @@ def test_at_rest_nothing_is_left_out(energy: str) -> None:
     trunk = block((1, 2, 1))
     model = model_of(trunk, energy=energy)
     rest = np.zeros_like(trunk.nodes)
-    found = dense_hessian(model, rest, "hessian")
+    hessian = dense_hessian(model, rest, "hessian")
     np.testing.assert_allclose(
-        dense_hessian(model, rest, "projected_hessian"), found, rtol=0.0, atol=1e-12 * np.abs(found).max()
+        dense_hessian(model, rest, "projected_hessian"), hessian, rtol=0.0, atol=1e-12 * np.abs(hessian).max()
     )
 
 
@@ -151,10 +151,10 @@ def test_every_block_gathers_its_parts() -> None:
     values = generator.normal(size=(len(corners), 4, 3, 4, 3))
     values += values.transpose(0, 3, 4, 1, 2)  # a curvature is symmetric
     upper = np.triu_indices(3)
-    kept = [values[:, a, :, a][:, *upper] for a in range(4)]
-    kept += [values[:, a, :, b].reshape(-1, NUMBERS) for a, b in PAIRS if a != b]
-    numbers = np.full((len(corners), KEPT), np.nan)
-    numbers[:, : 4 * len(SYMMETRIC) + 6 * NUMBERS] = np.hstack(kept)
+    stored = [values[:, a, :, a][:, *upper] for a in range(4)]
+    stored += [values[:, a, :, b].reshape(-1, NUMBERS) for a, b in PAIRS if a != b]
+    numbers = np.full((len(corners), NUMBERS_KEPT), np.nan)
+    numbers[:, : 4 * len(SYMMETRIC) + 6 * NUMBERS] = np.hstack(stored)
     dense = np.zeros((nodes, nodes, 3, 3))
     for corner, value in zip(corners, values, strict=True):
         dense[corner[:, None], corner] += value.swapaxes(1, 2)
@@ -163,11 +163,11 @@ def test_every_block_gathers_its_parts() -> None:
         for at in places[start[i] : start[i + 1]]:
             held = numbers.ravel()[(~at if at < 0 else at) :]
             if row == column:
-                one = np.zeros((3, 3))
-                one[upper] = one.T[upper] = held[: len(SYMMETRIC)]
+                matrix = np.zeros((3, 3))
+                matrix[upper] = matrix.T[upper] = held[: len(SYMMETRIC)]
             else:
-                one = held[:NUMBERS].reshape(3, 3)
-            total += one.T if at < 0 else one
+                matrix = held[:NUMBERS].reshape(3, 3)
+            total += matrix.T if at < 0 else matrix
         np.testing.assert_allclose(total, dense[row, column], atol=1e-12)
     assert start[-1] == len(places) == len(PAIRS) * len(corners)
 
@@ -207,8 +207,8 @@ def test_columns_are_added_up_and_the_largest_is_kept(device: str, count: int) -
     parallel, generator = Parallel(device, threads=1), np.random.default_rng(count)
     table = generator.integers(-1000, 1000, size=(ITEMS, count)).astype(float)  # whose sums are exact
     sums, largest = (wp.zeros((3, 16), dtype=wp.float64, device=device) for _ in range(2))
-    given = wp.array(table, dtype=wp.types.vector(count, wp.float64), device=device)
-    launch = parallel.record(reducing_kernel(count), ITEMS, [given], [sums, largest])
+    values = wp.array(table, dtype=wp.types.vector(count, wp.float64), device=device)
+    launch = parallel.record(reducing_kernel(count), ITEMS, [values], [sums, largest])
     for times in (1, 2):
         launch()
         expected = np.zeros((3, 16))
@@ -220,11 +220,11 @@ def test_columns_are_added_up_and_the_largest_is_kept(device: str, count: int) -
 
 @pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize(
-    ("values", "kept"), [([np.nan, 1e-300], 1e-300), ([-1.0, -0.0], 0.0), ([1.0, np.inf], np.inf)]
+    ("values", "largest_kept"), [([np.nan, 1e-300], 1e-300), ([-1.0, -0.0], 0.0), ([1.0, np.inf], np.inf)]
 )
-def test_only_numbers_above_zero_are_kept(device: str, values: list[float], kept: float) -> None:
+def test_only_numbers_above_zero_are_kept(device: str, values: list[float], largest_kept: float) -> None:
     parallel = Parallel(device, threads=1)
     sums, largest = (wp.zeros((3, 16), dtype=wp.float64, device=device) for _ in range(2))
-    given = wp.array(np.array(values)[:, None], dtype=wp.types.vector(1, wp.float64), device=device)
-    parallel.record(reducing_kernel(1), len(values), [given], [sums, largest])()
-    assert largest.numpy()[ROW, COLUMN] == kept
+    items = wp.array(np.array(values)[:, None], dtype=wp.types.vector(1, wp.float64), device=device)
+    parallel.record(reducing_kernel(1), len(values), [items], [sums, largest])()
+    assert largest.numpy()[ROW, COLUMN] == largest_kept

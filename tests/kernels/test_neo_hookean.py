@@ -167,11 +167,11 @@ def test_curvature_is_exact_at_rest_and_where_it_is_positive_anyway(ratio: float
     model = separate(10.0, ratio)
     noise = np.random.default_rng(5).normal(scale=0.001, size=(TETS, 3, 3))
     for f in (np.tile(np.eye(3), (TETS, 1, 1)), 1.003 * np.eye(3) + noise):
-        exact, found = of_each(differenced_gradient(model, moved(model, f))), projected(model, moved(model, f))
+        exact, curvature = of_each(differenced_gradient(model, moved(model, f))), projected(model, moved(model, f))
         positive = np.linalg.eigvalsh(exact)[:, 3] > 1e-6 * np.abs(exact).max()
         positive |= (f == np.eye(3)).all(axis=(1, 2))
         assert positive.sum() >= TETS // 2
-        np.testing.assert_allclose(found[positive], exact[positive], rtol=0.0, atol=1e-7 * np.abs(exact).max())
+        np.testing.assert_allclose(curvature[positive], exact[positive], rtol=0.0, atol=1e-7 * np.abs(exact).max())
 
 
 @pytest.mark.parametrize("ratio", [*RATIOS, 0.499])

@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Browser, Locator, Playwright, WebSocket, expect, sync_playwright
 from playwright.sync_api import Page as Tab
 
-from support.asserting import there
+from support.asserting import not_none
 from support.chromium import CHROMIUM, WEBGL, needs_chromium
 from support.small_case import part_case
 from support.small_trunk import APEX, small_patient
@@ -107,7 +107,7 @@ class Visit:
 
     def drag(self, pixels: int, number: int = 0) -> None:
         """Drags a slider by its handle, in steps as a hand does."""
-        box = there(self.slider(number).bounding_box())
+        box = not_none(self.slider(number).bounding_box())
         x, y = box["x"] + box["width"] / 2.0, box["y"] + box["height"] / 2.0
         self.tab.mouse.move(x, y)
         self.tab.mouse.down()
@@ -172,15 +172,15 @@ def test_keep_compare_and_undo(visit: Visit, page: Page) -> None:
     share = correction(page)
     visit.press("Keep this plan")
     visit.wait_for("Kept: ")
-    assert page.kept.names == ("plan_1",)
-    kept = read_plan(page.kept.folder / "plan_1" / "plan.toml")
-    assert [(curve.apex, curve.correction) for curve in kept.curves if curve.correction] == [(APEX, share / 100.0)]
+    assert page.saved.names == ("plan_1",)
+    plan = read_plan(page.saved.folder / "plan_1" / "plan.toml")
+    assert [(curve.apex, curve.correction) for curve in plan.curves if curve.correction] == [(APEX, share / 100.0)]
     visit.tab.wait_for_timeout(2300)  # the hand rests: undo comes back to here
     visit.drag(-20)
     until(lambda: correction(page) < share and settled(page), visit)
     visit.choose("Compare with", "plan_1")
     visit.wait_for("■ plan_1")
-    assert page.scene.kept.visible
+    assert page.scene.compared.visible
     for _ in range(6):  # a slow machine lets the hand seem to rest on its way
         if correction(page) != share:
             visit.press("Undo")
@@ -215,7 +215,7 @@ def test_the_button_ends_it(visit: Visit, page: Page) -> None:
     visit.press("End")
     visit.press("End the page")
     assert page.stopped.wait(10.0)
-    assert [path.name for path in page.kept.folder.iterdir()] == ["plan_1"]
+    assert [path.name for path in page.saved.folder.iterdir()] == ["plan_1"]
     assert (visit.complaints, visit.elsewhere) == ([], [])
 
 
@@ -236,8 +236,8 @@ def test_motions_have_a_slider_for_each_component_and_are_kept_as_a_case(browser
         visit.press("Keep this plan")
         visit.wait_for("Kept: ")
         assert page.failure is None
-    kept = read_case(tmp_path / "plans" / "plan_1")
-    assert kept.landmarks_before.names == ()
-    assert kept.points.pairs == {"tip": "bone"}
-    for bone, motion in rigid_motions(kept.motions).items():
+    saved = read_case(tmp_path / "plans" / "plan_1")
+    assert saved.landmarks_before.names == ()
+    assert saved.points.pairs == {"tip": "bone"}
+    for bone, motion in rigid_motions(saved.motions).items():
         np.testing.assert_allclose(motion.as_matrix(), rigid_motions(motions)[bone].as_matrix(), atol=1e-6)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from support.asserting import there
+from support.asserting import not_none
 from support.trunk_shapes import LEFT, LEVELS, SPINE, ellipse, flat_back, joined, rotation, spine, tube, twisted
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
 from warp_trunk.cli import main
@@ -106,9 +106,9 @@ def test_the_rotation_is_that_against_the_pelvis(pelvis):
     """Degrees counterclockwise seen from above, which is negative for a back."""
     turn, asis = rotation(8.0), np.array([[120.0, 0.0], [-120.0, 0.0]]) @ rotation(pelvis).T
     marks = spine({"T8": 200.0}, turn @ SPINE, asis.tolist())
-    found = there(back_surface_rotation(tube(grooved() @ turn.T), marks)["T8"])
-    straight = there(back_surface_rotation(tube(grooved()), spine({"T8": 200.0}))["T8"])
-    assert found.angle == pytest.approx(straight.angle - (8.0 - pelvis), abs=1e-6)
+    tangent = not_none(back_surface_rotation(tube(grooved() @ turn.T), marks)["T8"])
+    straight = not_none(back_surface_rotation(tube(grooved()), spine({"T8": 200.0}))["T8"])
+    assert tangent.angle == pytest.approx(straight.angle - (8.0 - pelvis), abs=1e-6)
 
 
 @pytest.mark.parametrize("half_width", [40.0, 400.0])
@@ -116,8 +116,8 @@ def test_arms_beside_the_trunk_do_not_count_however_large(half_width):
     turn = rotation(8.0)
     arm = tube(ellipse(60, half_width, 45.0) + np.array([200.0 + half_width, 70.0]))
     both = joined(tube(ellipse() @ turn.T), arm)
-    found = there(back_surface_rotation(both, spine({"T8": 200.0}, turn @ SPINE))["T8"])
-    assert found.angle == pytest.approx(-8.0, abs=1e-6)
+    tangent = not_none(back_surface_rotation(both, spine({"T8": 200.0}, turn @ SPINE))["T8"])
+    assert tangent.angle == pytest.approx(-8.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -127,7 +127,7 @@ def test_no_point_of_a_rough_back_lies_behind_its_tangent(seed):
     outline = grooved(300, width=35.0) * random.uniform(0.98, 1.02, (300, 1))
     turn = rotation(random.uniform(-20.0, 20.0))
     outline = outline @ turn.T
-    tangent = there(find_contacts(outline, turn @ SPINE, LEFT)).points
+    tangent = not_none(find_contacts(outline, turn @ SPINE, LEFT)).points
     left, right = tangent
     assert max(np.linalg.norm(outline - point, axis=1).min() for point in (left, right)) < 1e-9
     along = left - right
@@ -211,66 +211,64 @@ def line(depth=0.0):
 
 def test_open_back_of_known_twist():
     back, marks = behind(twisted(20.0)), spine(LEVELS, (0.0, 0.0))
-    found = measure_back(back, marks)
-    assert (found.pelvis, found.spine) == ("ASIS", "landmarks")
-    for level, one in found.levels.items():
-        assert there(one).rotation == pytest.approx(LEVELS[level] / 20.0, abs=0.001)
+    measured = measure_back(back, marks)
+    assert (measured.pelvis, measured.spine) == ("ASIS", "landmarks")
+    for level, at in measured.levels.items():
+        assert not_none(at).rotation == pytest.approx(LEVELS[level] / 20.0, abs=0.001)
 
 
 def test_closed_skin_has_the_numbers_of_measure():
     marks = spine(LEVELS)
     whole = measure(twisted(20.0), marks).bsr
-    assert {
-        level: one and one.rotation for level, one in measure_back(twisted(20.0), marks).levels.items()
-    } == whole
+    assert {level: at and at.rotation for level, at in measure_back(twisted(20.0), marks).levels.items()} == whole
 
 
 @pytest.mark.parametrize("degrees", [0.0, 8.0, -15.0])
 def test_slope_of_a_flat_back_is_its_rotation(degrees):
     back = behind(tube(flat_back() @ rotation(-degrees).T))
     asis = {"ASIS_left": [120.0, 0.0, 0.0], "ASIS_right": [-120.0, 0.0, 0.0]}
-    for given, pelvis in ((markers(), "PSIS"), (markers(**asis), "ASIS")):
-        found = measure_back(back, line(), given)
-        assert (found.pelvis, found.spine) == (pelvis, "spinous line")
-        one = there(found.levels["T8"])
-        assert (one.rotation, one.slope) == (pytest.approx(degrees, abs=1e-6), pytest.approx(degrees, abs=1e-6))
+    for marks, pelvis in ((markers(), "PSIS"), (markers(**asis), "ASIS")):
+        measured = measure_back(back, line(), marks)
+        assert (measured.pelvis, measured.spine) == (pelvis, "spinous line")
+        at = not_none(measured.levels["T8"])
+        assert (at.rotation, at.slope) == (pytest.approx(degrees, abs=1e-6), pytest.approx(degrees, abs=1e-6))
 
 
 def test_slope_beside_the_spine_in_closed_form():
     """A back whose right half rises by 0.2 for each mm away from the spine, and whose left half is flat."""
     outline = np.array([[150.0, 60.0], [0.0, 60.0], [-150.0, 90.0], [-150.0, -60.0], [150.0, -60.0]])
-    found = measure_back(behind(tube(outline[::-1])), line(40.0), markers())
-    slopes = {level: one and one.slope for level, one in found.levels.items()}
+    measured = measure_back(behind(tube(outline[::-1])), line(40.0), markers())
+    slopes = {level: at and at.slope for level, at in measured.levels.items()}
     assert slopes["T8"] == pytest.approx(np.degrees(np.arctan(9.0 / 90.0)))
     assert slopes["L2"] == pytest.approx(np.degrees(np.arctan(7.0 / 70.0)))
 
 
 def test_points_and_a_line_of_bodies():
-    x, z = (one.ravel() for one in np.meshgrid(np.linspace(-140.0, 140.0, 141), np.linspace(0.0, 400.0, 201)))
+    x, z = (axis.ravel() for axis in np.meshgrid(np.linspace(-140.0, 140.0, 141), np.linspace(0.0, 400.0, 201)))
     points = np.column_stack([x, 100.0 - np.tan(np.radians(8.0)) * x, z])
-    found = measure_back(points, line(60.0), markers())
-    assert found.spine == "body line"
-    for one in map(there, found.levels.values()):
-        assert (one.rotation, one.slope) == (pytest.approx(8.0, abs=1e-6), pytest.approx(8.0, abs=1e-6))
+    measured = measure_back(points, line(60.0), markers())
+    assert measured.spine == "body line"
+    for level in map(not_none, measured.levels.values()):
+        assert (level.rotation, level.slope) == (pytest.approx(8.0, abs=1e-6), pytest.approx(8.0, abs=1e-6))
 
 
 def test_markers_on_the_skin_do_not_turn_the_back():
     """Two round markers, 5 mm high, on a back in the form of a cylinder that is turned by 8 degrees."""
-    x, z = (one.ravel() for one in np.meshgrid(np.linspace(-140.0, 140.0, 141), np.linspace(0.0, 400.0, 201)))
+    x, z = (axis.ravel() for axis in np.meshgrid(np.linspace(-140.0, 140.0, 141), np.linspace(0.0, 400.0, 201)))
     groove = 12.0 * np.exp(-((x / 30.0) ** 2))
     y = 100.0 - np.tan(np.radians(8.0)) * x - x**2 / 300.0 - groove
     smooth = np.column_stack([x, y, z])
     marked = smooth + 0.0
     for place in ([-55.0, 185.0], [-55.0, 135.0]):
         marked[:, 1] += np.where(np.hypot(x - place[0], z - place[1]) < 6.0, 5.0, 0.0)
-    found = [measure_back(one, line(60.0), markers()).levels for one in (smooth, marked)]
-    for without, with_them in zip(*(map(there, one.values()) for one in found), strict=True):
+    levels_of = [measure_back(points, line(60.0), markers()).levels for points in (smooth, marked)]
+    for without, with_them in zip(*(map(not_none, levels.values()) for levels in levels_of), strict=True):
         assert with_them.rotation == pytest.approx(without.rotation, abs=0.1)
         assert with_them.slope == pytest.approx(without.slope, abs=0.1)
 
 
 @pytest.mark.parametrize(
-    ("given", "words"),
+    ("changed", "words"),
     [
         ({"markers": markers(PSIS_left=None)}, "PSIS_left and PSIS_right"),
         ({"markers": markers(PSIS_left=[-70.0, 90.0, 0.0])}, "exchange the names"),
@@ -280,10 +278,10 @@ def test_markers_on_the_skin_do_not_turn_the_back():
         ({"back": np.zeros((20, 3))}, "100 or more"),
     ],
 )
-def test_what_is_refused(given, words):
+def test_what_is_refused(changed, words):
     whole = {"back": behind(tube(ellipse())), "spine": line(), "markers": markers()}
     with pytest.raises(InputError, match=words):
-        measure_back(**(whole | given))
+        measure_back(**(whole | changed))
 
 
 def test_command(tmp_path, capsys):
@@ -295,7 +293,7 @@ def test_command(tmp_path, capsys):
     command = ["measure", place[0], "--spine", place[1], "--markers", place[2], "--units", "m"]
     assert main([*command, "--out", str(tmp_path)]) == 0
     record = json.loads((tmp_path / "measures.json").read_text(encoding="utf-8"))
-    (angle,) = [one["value"] for one in record["measures"] if (one["level"], one["quantity"]) == ("T8", "bsr_deg")]
+    (angle,) = [row["value"] for row in record["measures"] if (row["level"], row["quantity"]) == ("T8", "bsr_deg")]
     assert angle == pytest.approx(8.0, abs=1e-3)
     assert "against the axis of the PSIS" in capsys.readouterr().out
     assert main([*command, "--case", str(tmp_path)]) == 2

@@ -27,10 +27,10 @@ def sheet(degrees: float) -> Surface:
 
 @pytest.mark.parametrize("degrees", [-8.0, 0.0, 15.0])
 def test_indices_are_those_of_the_distances(degrees: float) -> None:
-    found = chest_indices(sheet(degrees), BONES)
-    assert found["Haller index"] == pytest.approx(240.0 / 90.0)  # ribs apart, sternum to vertebra
-    assert found["Correction index [%]"] == pytest.approx(25.0)  # 120 mm to the cartilages
-    assert found["External sternal angle [°]"] == pytest.approx(degrees, abs=1e-9)
+    indices = chest_indices(sheet(degrees), BONES)
+    assert indices["Haller index"] == pytest.approx(240.0 / 90.0)  # ribs apart, sternum to vertebra
+    assert indices["Correction index [%]"] == pytest.approx(25.0)  # 120 mm to the cartilages
+    assert indices["External sternal angle [°]"] == pytest.approx(degrees, abs=1e-9)
 
 
 FACE = {
@@ -45,11 +45,11 @@ FACE = {
 
 
 def test_angles_and_distances_of_a_face_of_right_angles():
-    found = profile(FACE)
-    assert found["Nasolabial angle [°]"] == pytest.approx(90.0)
-    assert found["Mentolabial angle [°]"] == pytest.approx(90.0)
-    assert found["upper_lip in front of the E-line [mm]"] == pytest.approx(-20.0)  # a vertical line at y = -20
-    assert found["lower_lip in front of the E-line [mm]"] == pytest.approx(-17.0)
+    angles = profile(FACE)
+    assert angles["Nasolabial angle [°]"] == pytest.approx(90.0)
+    assert angles["Mentolabial angle [°]"] == pytest.approx(90.0)
+    assert angles["upper_lip in front of the E-line [mm]"] == pytest.approx(-20.0)  # a vertical line at y = -20
+    assert angles["lower_lip in front of the E-line [mm]"] == pytest.approx(-17.0)
 
 
 def test_the_line_leans_with_the_chin_and_sides_do_not_count():

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from support.asserting import there
+from support.asserting import not_none
 from support.synthetic import grid_faces, sphere
 from support.trunk_shapes import LEVELS, ellipse, joined, spine, tube, twisted
 from warp_trunk.case.landmarks import Landmarks
@@ -30,7 +30,7 @@ def test_error_of_a_twist_is_that_of_its_angles():
     size = {level: 8.0 * z / 400.0 for level, z in LEVELS.items()}
     for name, levels in RANGES.items():
         sizes = np.array([size[level] for level in levels])
-        error = there(comparison.bsr_error[name])
+        error = not_none(comparison.bsr_error[name])
         assert error.levels == levels
         assert error.mean == pytest.approx(sizes.mean(), abs=0.01)
         assert error.sd == pytest.approx(np.sqrt(((sizes - sizes.mean()) ** 2).sum() / (len(sizes) - 1)), abs=0.01)
@@ -44,10 +44,10 @@ def test_error_of_a_twist_is_that_of_its_angles():
 def test_largest_rotation_is_compared_at_the_place_of_the_actual_one():
     """Humps on opposite sides: the rotation at T8 is wrong by 7, though both backs are turned by 3 and 4."""
     angles = {"T8": (3.0, -4.0), "T9": (2.0, 1.0), "T10": None}
-    error = there(bsr_error(angles, ("T7", "T8", "T9", "T10")))
+    error = not_none(bsr_error(angles, ("T7", "T8", "T9", "T10")))
     assert (error.levels, error.mean, error.of_maximum) == (("T8", "T9"), 4.0, -7.0)
     assert error.sd == pytest.approx(np.sqrt(18.0))
-    alone = there(bsr_error(angles, ("T9",)))
+    alone = not_none(bsr_error(angles, ("T9",)))
     assert (alone.mean, alone.sd) == (1.0, None)
     assert bsr_error(angles, ("L1",)) is None
 
@@ -57,9 +57,9 @@ LANDMARKS = spine(FEW, (0.0, 20.0))
 BALL_LEVELS = spine({"T1": 60.0, "T6": 0.0, "L5": -60.0}, (0.0, 0.0))
 
 
-def compared(one, other, landmarks=LANDMARKS):
-    there, back = skin_distance(one, other, landmarks), skin_distance(other, one, landmarks)
-    return there, distance_statistics(there, back)
+def compared(skin, other, landmarks=LANDMARKS):
+    forth, back = skin_distance(skin, other, landmarks), skin_distance(other, skin, landmarks)
+    return forth, distance_statistics(forth, back)
 
 
 @pytest.mark.parametrize(("radius", "expected"), [(104.0, -4.0), (97.0, 3.0)])
@@ -67,9 +67,9 @@ def test_concentric_spheres_are_their_radii_apart(radius, expected):
     distance, statistics = compared(sphere(100.0, subdivisions=4), sphere(radius, subdivisions=4), BALL_LEVELS)
     np.testing.assert_allclose(distance.signed, expected, atol=0.12)  # flat triangles of a round surface
     for region in ("back", "front", "flanks", "main thoracic, back left"):
-        found = there(statistics[region])
-        assert found.signed_mean == pytest.approx(expected, abs=0.12)
-        sizes = (found.mean, found.rms, found.p95, found.maximum, found.symmetric_mean, found.symmetric_maximum)
+        far = not_none(statistics[region])
+        assert far.signed_mean == pytest.approx(expected, abs=0.12)
+        sizes = (far.mean, far.rms, far.p95, far.maximum, far.symmetric_mean, far.symmetric_maximum)
         assert sizes == pytest.approx([abs(expected)] * 6, abs=0.12)
     assert distance.counted.sum() > 0.6 * len(distance.counted)
 
@@ -78,9 +78,9 @@ def test_necks_and_thighs_cut_elsewhere_do_not_count():
     """The actual skin ends 20 mm below the top level and 15 mm above the lowest."""
     _, statistics = compared(tube(ellipse(), rows=80), tube(ellipse(), 65.0, 330.0, rows=53))
     for region in ("back", "front", "lumbar, back left", "upper thoracic, flank right"):
-        found = there(statistics[region])
-        assert found.symmetric_maximum < 1.0
-        assert found.p95 < 0.01
+        far = not_none(statistics[region])
+        assert far.symmetric_maximum < 1.0
+        assert far.p95 < 0.01
 
 
 def test_arms_cut_off_spoil_the_flanks_only():
@@ -88,7 +88,7 @@ def test_arms_cut_off_spoil_the_flanks_only():
     whole = tube(ellipse(), rows=40)
     cut = Surface(np.clip(whole.vertices, [-142.0, -1e3, -1e3], [142.0, 1e3, 1e3]), whole.faces)
     _, statistics = compared(cut, whole)
-    back, front, flanks = (there(statistics[region]) for region in ("back", "front", "flanks"))
+    back, front, flanks = (not_none(statistics[region]) for region in ("back", "front", "flanks"))
     assert max(back.maximum, front.maximum) < 1e-3
     assert flanks.signed_mean < -3.0
     assert flanks.symmetric_maximum == pytest.approx(8.0, abs=0.1)
@@ -119,16 +119,17 @@ def on_the_back(signed, area, counted=True):
 
 def test_statistics_weigh_vertices_by_their_area():
     """A tenth of the area 5 mm inside, the rest 3 mm outside; the other way 2 mm over as much again."""
-    found = distance_statistics(on_the_back([-5.0, 3.0], [100.0, 900.0]), on_the_back([2.0], [1000.0]))["back"]
-    assert found is not None
-    assert found.area == pytest.approx(10.0)
-    assert found.signed_mean == pytest.approx(2.2)
-    assert found.mean == pytest.approx(3.2)
-    assert found.rms == pytest.approx(math.sqrt(10.6))
-    assert (found.p95, found.maximum) == (5.0, 5.0)
-    assert found.symmetric_mean == pytest.approx(2.6)
-    assert found.symmetric_maximum == 5.0
-    rarer = there(distance_statistics(on_the_back([-5.0, 3.0], [40.0, 960.0]), on_the_back([-7.0], [1.0]))["back"])
+    distances = distance_statistics(on_the_back([-5.0, 3.0], [100.0, 900.0]), on_the_back([2.0], [1000.0]))["back"]
+    assert distances is not None
+    assert distances.area == pytest.approx(10.0)
+    assert distances.signed_mean == pytest.approx(2.2)
+    assert distances.mean == pytest.approx(3.2)
+    assert distances.rms == pytest.approx(math.sqrt(10.6))
+    assert (distances.p95, distances.maximum) == (5.0, 5.0)
+    assert distances.symmetric_mean == pytest.approx(2.6)
+    assert distances.symmetric_maximum == 5.0
+    predicted, actual = on_the_back([-5.0, 3.0], [40.0, 960.0]), on_the_back([-7.0], [1.0])
+    rarer = not_none(distance_statistics(predicted, actual)["back"])
     assert (rarer.p95, rarer.maximum, rarer.symmetric_maximum) == (3.0, 5.0, 7.0)
 
 
@@ -193,21 +194,21 @@ def test_a_skin_moved_as_a_whole_is_as_good_as_before():
     turn = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
     before = folded(sheet(), 30.0)
     predicted = Surface(before.vertices @ turn.T + 7.0, before.faces)
-    change, found = skin_change(before, predicted), skin_quality(before, predicted, MARKS)
+    change, quality = skin_change(before, predicted), skin_quality(before, predicted, MARKS)
     assert change.stretch == pytest.approx(1.0, abs=1e-7)
-    assert found == SkinQuality(0.0, 0.0, "", 0.0, "")
-    assert found.faults == ()
+    assert quality == SkinQuality(0.0, 0.0, "", 0.0, "")
+    assert quality.faults == ()
 
 
 @pytest.mark.parametrize("degrees", [5.0, 27.0, 120.0])
 def test_a_single_fold_is_measured_and_not_warned_of(degrees):
     """Ten edges of 10 mm, of each a third of two triangles of 50 mm2."""
     before, after = sheet(), folded(sheet(), degrees)
-    found = skin_quality(before, after, MARKS)
-    assert found.folded_area == pytest.approx(10 * 100.0 / 3.0 / 100.0 if degrees > 20.0 else 0.0)
-    assert found.folded_at.startswith("near T5, on the back" if degrees > 20.0 else "")
-    assert found.stretched_area == 0.0
-    assert found.faults == ()
+    quality = skin_quality(before, after, MARKS)
+    assert quality.folded_area == pytest.approx(10 * 100.0 / 3.0 / 100.0 if degrees > 20.0 else 0.0)
+    assert quality.folded_at.startswith("near T5, on the back" if degrees > 20.0 else "")
+    assert quality.stretched_area == 0.0
+    assert quality.faults == ()
     opened = skin_quality(after, before)
     assert opened.folded_area == 0.0  # what becomes flat is no fold
 
@@ -218,9 +219,9 @@ def test_crumpled_skin_is_warned_of(height, faults):
     before = sheet(15)
     points = before.vertices.copy()
     points[:, 1] += height * (np.round(points[:, 2] / 10.0) % 2)
-    found = skin_quality(before, Surface(points, before.faces))
-    assert len(found.faults) == faults
-    assert (found.folded_area > 50.0) == bool(faults)
+    quality = skin_quality(before, Surface(points, before.faces))
+    assert len(quality.faults) == faults
+    assert (quality.folded_area > 50.0) == bool(faults)
 
 
 @pytest.mark.parametrize(
@@ -232,7 +233,7 @@ def test_stretch_is_that_of_the_sheet_in_any_direction(factor, stretched, shown)
     along = np.array([0.6, 0.0, 0.8])
     pull = np.eye(3) + (factor - 1.0) * np.outer(along, along)
     predicted = Surface(before.vertices @ pull, before.faces)
-    found = skin_quality(before, predicted, MARKS)
+    quality = skin_quality(before, predicted, MARKS)
     assert skin_change(before, predicted).stretch == pytest.approx(factor, rel=1e-7)
-    assert (found.stretched_area, found.shown_area) == pytest.approx((stretched, shown))
-    assert len(found.faults) == (stretched > 50.0)
+    assert (quality.stretched_area, quality.shown_area) == pytest.approx((stretched, shown))
+    assert len(quality.faults) == (stretched > 50.0)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from support.asserting import there
+from support.asserting import not_none
 from support.phantoms import coarse_phantom
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
@@ -18,15 +18,15 @@ CASE = coarse_phantom()
 
 
 def waist(skin: Surface, landmarks: Landmarks) -> dict[str, float]:
-    found = there(measure(skin, landmarks).waist)
-    return {"waist_depth_mm": found.depth_difference, "waist_height_mm": found.height_difference}
+    measured_waist = not_none(measure(skin, landmarks).waist)
+    return {"waist_depth_mm": measured_waist.depth_difference, "waist_height_mm": measured_waist.height_difference}
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_waist_against_differences(seed: int) -> None:
     random, skin, marks = np.random.default_rng(seed), CASE.skin, CASE.landmarks_before
     by_skin, by_marks = (random.normal(0.0, 1.0, points.shape) for points in (skin.vertices, marks.points))
-    found = waist_derivatives(skin, marks)
+    derivatives = waist_derivatives(skin, marks)
     for move_skin, move_marks in ((1.0, 0.0), (0.0, 1.0)):
         ends = [
             waist(
@@ -35,9 +35,9 @@ def test_waist_against_differences(seed: int) -> None:
             )
             for side in (1.0, -1.0)
         ]
-        for name, derivative in found.items():
+        for name, derivative in derivatives.items():
             wanted = (ends[0][name] - ends[1][name]) / (2.0 * STEP)
             expected = move_skin * np.vdot(derivative.vertices, by_skin)
             expected += move_marks * np.vdot(derivative.landmarks, by_marks)
             assert expected == pytest.approx(wanted, rel=1e-3, abs=1e-4)
-    assert {name: one.value for name, one in found.items()} == pytest.approx(waist(skin, marks))
+    assert {name: rate.value for name, rate in derivatives.items()} == pytest.approx(waist(skin, marks))

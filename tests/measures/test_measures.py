@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from support.anatomy import anatomy, anatomy_landmarks
-from support.asserting import there
+from support.asserting import not_none
 from support.meshes import turned_about_z
 from support.phantoms import whole_phantom
 from support.small_trunk import small_case, turned
@@ -68,10 +68,10 @@ def test_twisted_anatomy_has_the_angles_of_its_twist():
         height = landmarks.of_bone(level).points[:, 2].mean()
         angle = TWIST * (height - bottom) / (top - bottom)
         for name in ("bsr", "axial_rotation"):
-            before, after = (there(getattr(found, name)[level]) for found in (straight, measures))
+            before, after = (not_none(getattr(state, name)[level]) for state in (straight, measures))
             assert after - before == pytest.approx(angle, abs=0.5)
-    assert there(measures.hump_height["T8"]) > 15.0
-    error = there(compare_skins(twisted, skin, turned).bsr_error["T4-T12"])
+    assert not_none(measures.hump_height["T8"]) > 15.0
+    error = not_none(compare_skins(twisted, skin, turned).bsr_error["T4-T12"])
     assert error.mean > 5.0
     assert not error.undetectable
 
@@ -88,7 +88,7 @@ def rough() -> Surface:
 
 
 def differs(
-    number: Callable[[TrunkMeasures], float | None], found: Derivative, skin: Surface, landmarks: Landmarks
+    number: Callable[[TrunkMeasures], float | None], derivative: Derivative, skin: Surface, landmarks: Landmarks
 ) -> list[tuple[float, float]]:
     """The change of a number in random directions, by its derivative and by central differences."""
     pairs = []
@@ -102,8 +102,8 @@ def differs(
         for sign in (1.0, -1.0):
             moved = Surface(skin.vertices + sign * STEP * along[0], skin.faces)
             marks = Landmarks(landmarks.names, landmarks.points + sign * STEP * along[1])
-            ends.append(there(number(measure(moved, marks))))
-        predicted = np.vdot(found.vertices, along[0]) + np.vdot(found.landmarks, along[1])
+            ends.append(not_none(number(measure(moved, marks))))
+        predicted = np.vdot(derivative.vertices, along[0]) + np.vdot(derivative.landmarks, along[1])
         pairs.append((float(predicted), (ends[0] - ends[1]) / (2.0 * STEP)))
     return pairs
 
@@ -126,30 +126,30 @@ def turned_pelvis(degrees: float) -> Landmarks:
 @pytest.mark.parametrize(("level", "pelvis"), [*((level, 0) for level in LEVELS), ("T8", 20), ("T10", 20)])
 def test_rotation(level: str, pelvis: float) -> None:
     skin, landmarks = rough(), turned_pelvis(pelvis)
-    tangent = there(back_surface_rotation(skin, landmarks)[level])
-    found = rotation_derivative(skin, landmarks, level, tangent)
-    assert found.value == pytest.approx(tangent.angle, abs=1e-9)
-    agree(differs(lambda m: m.bsr[level], found, skin, landmarks))
+    tangent = not_none(back_surface_rotation(skin, landmarks)[level])
+    derivative = rotation_derivative(skin, landmarks, level, tangent)
+    assert derivative.value == pytest.approx(tangent.angle, abs=1e-9)
+    agree(differs(lambda m: m.bsr[level], derivative, skin, landmarks))
 
 
 @pytest.mark.parametrize("level", ["T5", "T8", "T12", "L2"])
 def test_hump(level: str) -> None:
     skin, landmarks = rough(), CASE.landmarks_before
-    tangent = there(back_surface_rotation(skin, landmarks)[level])
-    found = there(hump_derivative(skin, landmarks, level, tangent))
-    agree(differs(lambda m: m.hump_height[level], found, skin, landmarks))
+    tangent = not_none(back_surface_rotation(skin, landmarks)[level])
+    derivative = not_none(hump_derivative(skin, landmarks, level, tangent))
+    agree(differs(lambda m: m.hump_height[level], derivative, skin, landmarks))
 
 
 @pytest.mark.parametrize("level", ["T8", "L2"])
 def test_slope(level: str) -> None:
     skin, landmarks = rough(), turned_pelvis(5.0)
-    slope = there(measure(skin, landmarks).slopes[level])
-    found = there(slope_derivative(skin, landmarks, level, slope))
-    assert found.value == pytest.approx(measure(skin, landmarks).slopes[level], abs=1e-9)
-    agree(differs(lambda m: m.slopes[level], found, skin, landmarks))
+    slope = not_none(measure(skin, landmarks).slopes[level])
+    derivative = not_none(slope_derivative(skin, landmarks, level, slope))
+    assert derivative.value == pytest.approx(measure(skin, landmarks).slopes[level], abs=1e-9)
+    agree(differs(lambda m: m.slopes[level], derivative, skin, landmarks))
 
 
 def test_shoulders() -> None:
     skin, landmarks = rough(), CASE.landmarks_before
-    found = shoulder_derivative(skin, landmarks, there(measure(skin, landmarks).shoulders))
-    agree(differs(lambda m: None if m.shoulders is None else m.shoulders.difference, found, skin, landmarks))
+    derivative = shoulder_derivative(skin, landmarks, not_none(measure(skin, landmarks).shoulders))
+    agree(differs(lambda m: None if m.shoulders is None else m.shoulders.difference, derivative, skin, landmarks))

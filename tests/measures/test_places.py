@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from support.asserting import there
+from support.asserting import not_none
 from support.known_spine import known_spine
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.cohort.one_case import CaseRow
@@ -47,12 +47,12 @@ def test_no_difference_of_two_plans_exceeds_the_largest_by_level(seed: int) -> N
     table = MeasureTable.of(states)
     apart = apart_of(measure_rows(table, states[BEFORE], [*states]), [*states], [None] * 3)
     for key, maximum in MAXIMA.items():
-        found = {one.title: abs(one.value) for one in apart if one.row.quantity.key == key}
-        assert len(found) == 3
-        for one, other in combinations("ABC", 2):
-            columns = [table.values(name, maximum.largest_of) for name in (one, other)]
-            by_level = [abs(there(columns[0][level]) - there(columns[1][level])) for level in maximum.levels]
-            assert found[f"{one} against {other}"] <= max(by_level)
+        differences = {gap.title: abs(gap.value) for gap in apart if gap.row.quantity.key == key}
+        assert len(differences) == 3
+        for plan, other in combinations("ABC", 2):
+            columns = [table.values(name, maximum.largest_of) for name in (plan, other)]
+            by_level = [abs(not_none(columns[0][level]) - not_none(columns[1][level])) for level in maximum.levels]
+            assert differences[f"{plan} against {other}"] <= max(by_level)
 
 
 def test_two_plans_whose_largest_lumbar_rotations_are_on_other_sides_are_alike() -> None:
@@ -62,10 +62,10 @@ def test_two_plans_whose_largest_lumbar_rotations_are_on_other_sides_are_alike()
     states = {BEFORE: back({"L2": 9.0}), "A": back(a), "B": back(b)}
     table = MeasureTable.of(states)
     apart = apart_of(measure_rows(table, states[BEFORE], [*states]), [*states], [None] * 2)
-    (lumbar,) = [one for one in apart if one.row.quantity.key == "lumbar_bsr_deg"]
+    (lumbar,) = [difference for difference in apart if difference.row.quantity.key == "lumbar_bsr_deg"]
     assert (lumbar.row.level, lumbar.value) == ("L2", pytest.approx(-0.3))
     assert not lumbar.differs
-    elsewhere = [there(table.elsewhere(name, "lumbar_bsr_deg")) for name in "AB"]
+    elsewhere = [not_none(table.elsewhere(name, "lumbar_bsr_deg")) for name in "AB"]
     assert [(row.level, row.value) for row in elsewhere] == [("L3", -4.7), ("L1", 4.6)]
 
 
@@ -74,7 +74,7 @@ def test_a_hump_is_followed_where_it_is_and_the_larger_one_is_found() -> None:
     table = MeasureTable.of(states)
     assert table.place("main_hump_mm") == "T12"
     assert [table.value(state, "main_hump_mm", "T12") for state in states] == [25.0, 10.0]
-    larger = there(table.elsewhere(PREDICTED, "main_hump_mm"))
+    larger = not_none(table.elsewhere(PREDICTED, "main_hump_mm"))
     assert (larger.quantity, larger.level, larger.value) == ("hump_mm", "T8", 17.0)
     assert table.elsewhere(BEFORE, "main_hump_mm") is None
     as_large = MeasureTable.of({BEFORE: states[BEFORE], PREDICTED: back({}, {"T12": 10.0, "T11": -10.2})})
@@ -90,10 +90,10 @@ def case(name: str, before: TrunkMeasures, predicted: TrunkMeasures, actual: Tru
 def test_a_cohort_of_equal_skins_has_errors_of_zero() -> None:
     random = np.random.default_rng(7)
     backs = [(drawn(random), drawn(random)) for _ in range(4)]
-    found = summarize_cohort([case(f"P{n}", before, after, after) for n, (before, after) in enumerate(backs)])
-    hump = there(found.hump)
+    summary = summarize_cohort([case(f"P{n}", before, after, after) for n, (before, after) in enumerate(backs)])
+    hump = not_none(summary.hump)
     assert (hump.error.mean, hump.agreement.bias, hump.agreement.low) == (0.0, 0.0, 0.0)
-    assert {there(one["error"]).mean for one in found.ranges.values()} == {0.0}
+    assert {not_none(errors["error"]).mean for errors in summary.ranges.values()} == {0.0}
 
 
 def test_the_hump_of_a_cohort_is_judged_at_one_place() -> None:
@@ -101,7 +101,7 @@ def test_the_hump_of_a_cohort_is_judged_at_one_place() -> None:
     1.8."""
     before = back({}, {"T8": -25.0})
     predicted, actual = back({}, {"T8": -16.6, "L4": 14.5}), back({}, {"T8": -14.8, "L4": 15.0})
-    hump = there(summarize_cohort([case("P", before, predicted, actual)]).hump)
+    hump = not_none(summarize_cohort([case("P", before, predicted, actual)]).hump)
     assert hump.error.mean == pytest.approx(1.8)
 
 

@@ -42,12 +42,12 @@ def test_the_table_has_every_number_once_and_is_one_of_polars(turned):
 
 def test_an_interval_holds_95_percent_and_takes_the_place_of_a_row(turned):
     table = MeasureTable(measured("predicted", turned[0]))
-    known = Measured.with_sd("predicted", "T12", "bsr_deg", 10.0, 2.0)
-    assert (known.low, known.high, known.sd) == pytest.approx((6.08, 13.92, 2.0), abs=1e-3)
-    assert [known.holds(value) for value in (6.0, 6.1, None)] == [False, True, None]
-    new = table.with_rows([known])
+    row = Measured.with_sd("predicted", "T12", "bsr_deg", 10.0, 2.0)
+    assert (row.low, row.high, row.sd) == pytest.approx((6.08, 13.92, 2.0), abs=1e-3)
+    assert [row.holds(value) for value in (6.0, 6.1, None)] == [False, True, None]
+    new = table.with_rows([row])
     assert len(new.rows) == len(table.rows)
-    assert new.column("predicted", "bsr_deg")["T12"] is known
+    assert new.column("predicted", "bsr_deg")["T12"] is row
 
 
 def test_text_says_what_is_missing_and_why(turned):

@@ -22,8 +22,8 @@ ACROSS = np.array([1.0, 0.0])
 def test_the_slope_of_a_flat_back_is_its_turn(degrees: float) -> None:
     """Counterclockwise the left side goes back, which is negative."""
     skin = tube(flat_back() @ rotation(degrees).T)
-    found = measure(skin, spine({"T8": 200.0, "L2": 100.0}))
-    assert [found.slopes[level] for level in ("T8", "L2")] == pytest.approx([-degrees, -degrees], abs=1e-9)
+    measures = measure(skin, spine({"T8": 200.0, "L2": 100.0}))
+    assert [measures.slopes[level] for level in ("T8", "L2")] == pytest.approx([-degrees, -degrees], abs=1e-9)
 
 
 def test_thoracic_points_lie_45_mm_beside_the_spine_and_lumbar_ones_35() -> None:
@@ -48,9 +48,9 @@ def test_a_back_and_a_whole_trunk_have_the_same_slopes() -> None:
     case = whole_phantom()
     back = measure_back(case.skin, case.landmarks_before)
     for level, slope in measure(case.skin, case.landmarks_before).slopes.items():
-        one = back.levels[level]
-        assert one is not None
-        assert slope == pytest.approx(one.slope, abs=1e-9)
+        back_level = back.levels[level]
+        assert back_level is not None
+        assert slope == pytest.approx(back_level.slope, abs=1e-9)
 
 
 def test_the_forward_bend_is_the_standing_slope_and_higher_up_that_of_three_levels() -> None:
@@ -69,14 +69,14 @@ def test_tilts_are_those_of_the_axes_and_discs_their_differences() -> None:
 
 def test_trunk_length_and_angle_of_the_shoulders() -> None:
     case = whole_phantom()
-    found = measure(case.skin, case.landmarks_before)
+    measures = measure(case.skin, case.landmarks_before)
     marks = case.landmarks_before
     middle = 0.5 * (marks.point("asis_left") + marks.point("asis_right"))
-    assert found.trunk_length == pytest.approx(marks.point("T1_superior_endplate")[2] - middle[2])
-    table = MeasureTable.of({"before": found})
-    assert table.value("before", "t1_tilt_deg") == found.tilts["T1"]
-    assert table.value("before", "trunk_length_mm") == found.trunk_length
-    shoulders = found.shoulders
+    assert measures.trunk_length == pytest.approx(marks.point("T1_superior_endplate")[2] - middle[2])
+    table = MeasureTable.of({"before": measures})
+    assert table.value("before", "t1_tilt_deg") == measures.tilts["T1"]
+    assert table.value("before", "trunk_length_mm") == measures.trunk_length
+    shoulders = measures.shoulders
     if shoulders is not None:
         wide = shoulders.inner + shoulders.outer
         assert math.tan(math.radians(shoulders.angle)) == pytest.approx(shoulders.difference / wide)

@@ -44,7 +44,7 @@ def test_what_is_worse_without_an_interval_is_not_certain() -> None:
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "known"),
+    ("before", "after", "expected"),
     [
         (9.0, row(9.0, 0.5, 17.5), True),
         (9.0, row(6.0, -2.0, 14.0), False),
@@ -55,9 +55,9 @@ def test_what_is_worse_without_an_interval_is_not_certain() -> None:
     ],
 )
 def test_a_number_is_known_where_it_says_more_than_its_interval_is_wide(
-    before: float, after: Measured, known: bool
+    before: float, after: Measured, expected: bool
 ) -> None:
-    assert is_known(SHOULDERS, after, before) == known
+    assert is_known(SHOULDERS, after, before) == expected
 
 
 def test_differences_are_sizes_whatever_their_side() -> None:

@@ -9,7 +9,7 @@ import trimesh
 from scipy.interpolate import BSpline
 
 from support import meshes
-from support.asserting import there
+from support.asserting import not_none
 from support.meshes import block_with_bone, grid
 from support.synthetic import box, shell_trunk, sphere
 from warp_trunk.case.layers import Layers
@@ -107,7 +107,7 @@ def folder(tmp_path, monkeypatch):
 def test_a_mesh_comes_back(trunk, folder):
     assert load_cached(KEY) is None
     store_cached(KEY, trunk)
-    back = there(load_cached(KEY))
+    back = not_none(load_cached(KEY))
     for field in fields(trunk):
         np.testing.assert_array_equal(getattr(back, field.name), getattr(trunk, field.name))
     assert [path.name for path in folder.iterdir()] == [f"mesh-{KEY}.npz"]
@@ -206,7 +206,7 @@ def slab(cells: tuple[int, int, int] = (6, 6, 4), size: float = 10.0) -> TrunkMe
 
 def volumes(made: TrunkMesh) -> np.ndarray:
     """Volume of each layer [mm^3]."""
-    return tet_volumes(made.nodes, made.tets) @ there(made.tissue)
+    return tet_volumes(made.nodes, made.tets) @ not_none(made.tissue)
 
 
 @pytest.mark.parametrize(
@@ -236,7 +236,7 @@ def test_layers_of_a_slab_have_the_volume_of_their_thickness() -> None:
     bare = slab()
     assert layered(bare, Layers(), "none") is bare
     made = layered(bare, Layers(skin_thickness=2.0, fat_thickness=13.0), "depth")
-    tissue = there(made.tissue)
+    tissue = not_none(made.tissue)
     np.testing.assert_allclose(tissue.sum(axis=1), 1.0, atol=1e-12)
     np.testing.assert_allclose(volumes(made), 3600.0 * np.array([2.0, 13.0, 25.0]), rtol=1e-5)
     depth = 40.0 - made.nodes[made.tets][:, :, 2]
@@ -272,7 +272,7 @@ def test_labels_of_a_mesh_are_taken(tmp_path: Path) -> None:
     layers = Layers(mesh=tmp_path / "tissue.vtu")
     np.testing.assert_array_equal(layered(bare, layers, "mesh").tissue, labels)
     finer = slab((12, 12, 8), 5.0)
-    found = there(layered(finer, layers, "mesh").tissue)
+    found = not_none(layered(finer, layers, "mesh").tissue)
     height = finer.nodes[finer.tets][:, :, 2].mean(axis=1)
     assert (found[height > 34.0] == 0).all()
     assert (found[height < 16.0] == 2).all()

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from support.asserting import there
+from support.asserting import not_none
 from support.report_results import small_bands, write_small_result
 from support.small_trunk import small_case
 from warp_trunk.cli import main
@@ -81,7 +81,7 @@ def test_page_needs_nothing_and_reaches_for_nothing(plain):
     assert "http" not in re.sub(r'base64,[^"]*|plain">[^<]*', "", plain[1]).replace("http-equiv", "")
     policy = next(meta["content"] for meta in page.of("meta") if "http-equiv" in meta)
     assert "default-src 'none'" in policy
-    script = there(re.search(r"<script>(.*?)</script>", plain[1], re.DOTALL))
+    script = not_none(re.search(r"<script>(.*?)</script>", plain[1], re.DOTALL))
     digest = b64encode(sha256(script[1].encode()).digest()).decode()
     assert f"script-src 'sha256-{digest}'" in policy
     assert '<script>alert("x")</script> & Co' in page.words  # what comes from files is text
@@ -224,12 +224,12 @@ def test_options_have_the_units_of_their_records() -> None:
     assert rows["theta"] == "10"
 
 
-FOUND = small_bands(len(small_case()[0].skin.vertices))
-BANDS = FOUND.bands
+OUTCOME_BANDS = small_bands(len(small_case()[0].skin.vertices))
+BANDS = OUTCOME_BANDS.bands
 
 
 def test_every_measure_with_a_band_has_its_row(tmp_path: Path) -> None:
-    read = read_result(write_small_result(tmp_path, found=FOUND))
+    read = read_result(write_small_result(tmp_path, found=OUTCOME_BANDS))
     table = band_table(read.table, BANDS)
     rows = {row[0]: row[1:] for row in table}
     of_t4 = rows["Rotation of the back (BSR) at T4 [°]"]
@@ -240,7 +240,7 @@ def test_every_measure_with_a_band_has_its_row(tmp_path: Path) -> None:
 
 
 def test_measures_say_which_levels_lie_in_their_band(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    result = write_small_result(tmp_path / "result", turn_more=2.0, found=FOUND)
+    result = write_small_result(tmp_path / "result", turn_more=2.0, found=OUTCOME_BANDS)
     Measure(skin=result, against=result / "actual_skin.ply", out=tmp_path).run()
     said = capsys.readouterr().out
     record = json.loads((tmp_path / "measures.json").read_text(encoding="utf-8"))
@@ -248,5 +248,5 @@ def test_measures_say_which_levels_lie_in_their_band(tmp_path: Path, capsys: pyt
     for level, band in read_result(result).table.column("predicted", "bsr_deg").items():
         actual = table.value("actual", "bsr_deg", level)
         assert inside[level] == (abs((actual or 0.0) - (band.value or 0.0)) <= 1.96 * 1.5)
-    found = there(re.search(r"in its 95 % band at (\d) of 4 levels", said))
-    assert int(found[1]) == sum(inside.values())
+    counted = not_none(re.search(r"in its 95 % band at (\d) of 4 levels", said))
+    assert int(counted[1]) == sum(inside.values())

@@ -15,7 +15,7 @@ from support.synthetic import grid_faces
 pytest.importorskip("playwright", reason="playwright is not installed (uv sync installs it)")
 from playwright.sync_api import Page, sync_playwright
 
-from support.asserting import there
+from support.asserting import not_none
 from support.chromium import CHROMIUM, WEBGL, needs_chromium
 from support.report_results import write_small_result
 from warp_trunk.geometry.distance_field import SurfaceDistance
@@ -78,9 +78,9 @@ def test_a_shirt_shows_no_small_peak_of_the_skin(tmp_path: Path) -> None:
     bump = np.exp(-(((np.linalg.norm(skin - tip, axis=1)) / 10.0) ** 2))
     peaked = replace(pose, skin=pose.skin.moved(skin - np.outer(12.0 * bump, [0.0, 1.0, 0.0])))
 
-    def highest(one: TrunkState) -> tuple[float, float]:
+    def highest(state: TrunkState) -> tuple[float, float]:
         """How far the cloth stands out, and its sharpest bend from row to row [mm]."""
-        depth = -there(dressed([one])[0].worn).cloth[:, 3 * COLUMNS // 4, 1]
+        depth = -not_none(dressed([state])[0].worn).cloth[:, 3 * COLUMNS // 4, 1]
         return depth.max(), float(np.abs(np.diff(depth[SHORTS + 5 : -15], 2)).max())
 
     (flat, _), (out, bent) = highest(pose), highest(peaked)
@@ -141,7 +141,7 @@ def test_outline_is_that_of_rays(page: Page, result: Path, button: str, view: Vi
     _, reliefs = looks(poses, view, wear="shirt", lowest=-np.inf)
     expected = np.isfinite(reliefs[predicted].depth)
     rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
-    bar = there(page.locator("#turning [data-part=bar]").bounding_box())
+    bar = not_none(page.locator("#turning [data-part=bar]").bounding_box())
     pixels = bar["width"] / 100.0  # for each mm
     wide = [expected.any(axis=0).sum(), expected.any(axis=1).sum()]
     assert len(columns) / pixels == pytest.approx(wide[0], abs=4.0)
@@ -177,7 +177,7 @@ def test_mouse_finger_and_keys_turn_it(page: Page) -> None:
         return float(page.locator("#turning").get_attribute("data-yaw") or "nan")
 
     set_to(page)
-    box = there(page.locator("#turning canvas").bounding_box())
+    box = not_none(page.locator("#turning canvas").bounding_box())
     x, y = box["x"] + box["width"] / 2.0, box["y"] + box["height"] / 2.0
     page.mouse.move(x, y)
     page.mouse.down()

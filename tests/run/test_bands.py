@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from support.asserting import there
+from support.asserting import not_none
 from support.meshes import nodes_of_bones
 from support.phantoms import whole_phantom
 from support.small_trunk import boned_case
@@ -181,7 +181,7 @@ def test_a_missed_plan_is_a_change_of_its_landmarks() -> None:
     curves = cobb_angles(WHOLE.landmarks_before)
     for curve, after in zip(curves, curves_after(curves, AFTER), strict=True):
         sd = bands[f"{curve.upper}-{curve.lower}"].sd
-        assert sd == pytest.approx(0.1 * abs(curve.angle - there(after)), rel=0.2, abs=0.1)
+        assert sd == pytest.approx(0.1 * abs(curve.angle - not_none(after)), rel=0.2, abs=0.1)
 
 
 DRAWN = replace(CASE, uncertainty=Uncertainty(landmark_error=1.0, landmark_error_sd=0.5))
@@ -247,7 +247,7 @@ def test_a_source_is_half_of_what_its_share_does_over_its_range(share: str) -> N
         )
         for end in RANGES[share]
     )
-    moved = there(sources()[f"ribs: {share.replace('_', ' ')}"].bones)
+    moved = not_none(sources()[f"ribs: {share.replace('_', ' ')}"].bones)
     np.testing.assert_allclose(moved[mine], (high - low) / 2.0, atol=1e-9)
     assert np.abs(moved[mine]).max() > 0.05
 
@@ -256,4 +256,4 @@ def test_vertebrae_and_pelvis_do_not_depend_on_the_shares() -> None:
     _, trunk = curved()
     still = [i for i, name in enumerate(trunk.bone_names) if not name.startswith(("rib", "sternum"))]
     for source in sources().values():
-        assert np.abs(there(source.bones)[np.isin(trunk.bone, still)]).max() < 1e-9
+        assert np.abs(not_none(source.bones)[np.isin(trunk.bone, still)]).max() < 1e-9

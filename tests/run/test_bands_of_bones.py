@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from support.asserting import there
+from support.asserting import not_none
 from support.known_patient import known_case, known_mesh
 from support.small_trunk import boned_case
 from warp_trunk.case.uncertainty import FACTORS, Uncertainty
@@ -63,10 +63,10 @@ def test_a_likely_worse_back_has_the_larger_hump_on_either_side(mirrored: bool) 
     )
     prediction = prepare(case, options, trunk, execution=ON_CPU).relax()
     effects = find_bands(prediction, draws=4).effects
-    level = there(prediction.measures_before.hump_level)
-    own = there(measure(prediction.skin, case.planned_landmarks).hump_height[level])
+    level = not_none(prediction.measures_before.hump_level)
+    own = not_none(measure(prediction.skin, case.planned_landmarks).hump_height[level])
     assert (own > 0.0) == (not mirrored)
     for sign in (1.0, -1.0):
         skin = replace(prediction.skin, vertices=prediction.skin.vertices + sign * effects.likely_worse)
-        other = there(measure(skin, case.planned_landmarks).hump_height[level])
+        other = not_none(measure(skin, case.planned_landmarks).hump_height[level])
         assert sign * (abs(other) - abs(own)) > 0.5

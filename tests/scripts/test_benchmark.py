@@ -19,7 +19,7 @@ from benchmarking.scaling import measure_size, size_table
 from benchmarking.scenes import scenes_table
 from benchmarking.tables import replaced, short_table
 
-from support.asserting import there
+from support.asserting import not_none
 from support.small_trunk import small_case
 from warp_trunk import InputError, RunOptions
 from warp_trunk.run.options import SKIN_RIGIDITY
@@ -49,7 +49,7 @@ def test_problem_comes_back_to_the_bit(tmp_path: Path) -> None:
     for field in fields(back.trunk):
         assert np.array_equal(getattr(back.trunk, field.name), getattr(problem().trunk, field.name)), field.name
     assert back.trunk.tets.dtype == np.int32
-    assert np.array_equal(there(back.truth), there(problem().truth))
+    assert np.array_equal(not_none(back.truth), not_none(problem().truth))
     assert np.array_equal(back.bone_path().displacement, problem().bone_path().displacement)
     kept, given = ((one.name, one.tissue, one.landmarks_after.names) for one in (back, problem()))
     assert kept == given
@@ -80,7 +80,7 @@ def test_errors_are_those_of_a_known_displacement() -> None:
     angle = math.radians(2.0)
     turned = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
     now = (trunk.nodes + problem().truth)[:, :2]
-    away = there(problem().truth).copy()
+    away = not_none(problem().truth).copy()
     away[:, :2] += now @ turned.T - now
     assert problem().errors(away).bsr_error_deg == pytest.approx(2.0, abs=1e-6)
 
@@ -107,7 +107,7 @@ def test_sizes_are_compared_with_the_finest(tmp_path: Path) -> None:
     setting = Setting(method="newton", threads=1, precision="float32", device="cpu")
     size = measure_size(tmp_path / "problem.npz", setting)
     assert size.converged
-    assert np.abs(size.skin.vertices - problem().skin(there(problem().truth)).vertices).max() < 2e-3
+    assert np.abs(size.skin.vertices - problem().skin(not_none(problem().truth)).vertices).max() < 2e-3
     moved = replace(size, skin=replace(size.skin, vertices=size.skin.vertices + np.array([0.0, 0.0, 0.25])))
     assert "0.25 | 0.25 |" in size_table([size, moved])
 

@@ -43,23 +43,23 @@ def test_smooth_endplates_are_those_of_a_spline_of_scipy() -> None:
     random = np.random.default_rng(8)
     places = (25.0 * np.arange(12)[:, None] + 0.39 * 25.0 * np.array([-1.0, 1.0])).ravel()
     line = np.column_stack([40.0 * np.sin(places / 90.0), 10.0 * np.cos(places / 70.0), -places])
-    found = endplate_smoothing(line.reshape(-1, 2, 3), expected=2.0)
-    assert found is not None
-    assert found.error == 2.0
+    smoothing = endplate_smoothing(line.reshape(-1, 2, 3), expected=2.0)
+    assert smoothing is not None
+    assert smoothing.error == 2.0
     values = random.normal(size=(24, 3))
     steps = np.linalg.norm(np.diff(line.reshape(-1, 2, 3).mean(axis=1), axis=0), axis=1)
     half = 0.39 * np.minimum(np.append(steps, np.inf), np.insert(steps, 0, np.inf))
     along = np.insert(np.cumsum(steps), 0, 0.0)[:, None] + half[:, None] * np.array([-1.0, 1.0])
     wanted = make_smoothing_spline(along.ravel(), values, lam=900.0 * 4.0)(along.ravel())
-    np.testing.assert_allclose(found.smoothed(values.reshape(12, 2, 3)).reshape(24, 3), wanted, atol=1e-7)
+    np.testing.assert_allclose(smoothing.smoothed(values.reshape(12, 2, 3)).reshape(24, 3), wanted, atol=1e-7)
 
 
 def test_a_missing_endplate_leaves_its_vertebra_out() -> None:
     plates = spine_of(imposed()).endplates.copy()
     plates[4, 1] = np.nan
-    found = endplate_smoothing(plates, expected=1.5)
-    assert found is not None
-    smooth = found.smoothed(plates)
+    smoothing = endplate_smoothing(plates, expected=1.5)
+    assert smoothing is not None
+    smooth = smoothing.smoothed(plates)
     np.testing.assert_array_equal(smooth[4], plates[4])
     assert np.isfinite(np.delete(smooth, 4, axis=0)).all()
     assert endplate_smoothing(plates[:4], expected=1.5) is None

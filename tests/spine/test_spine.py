@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from support.asserting import there
+from support.asserting import not_none
 from support.known_spine import BODY, DISC, LEVELS, known_spine
 from support.synthetic import grid_faces
 from support.trunk_shapes import ASIS, LEFT, ellipse, rotation, spine, tube, with_points
@@ -29,25 +29,25 @@ def test_spine_that_leans_forward_stands_in_front_of_the_sacrum():
     leaning = known_spine(back={"T1": -10.0, "L5": -10.0})
     length = (17 * BODY + 16 * DISC) - 0.5 * BODY
     expected = length * np.sin(np.radians(10.0)) - 4.0 / 6.0 * 15.0
-    shift = there(shift_of(leaning))
+    shift = not_none(shift_of(leaning))
     assert (shift.lateral, shift.forward) == pytest.approx((0.0, expected), abs=1e-9)
     assert (shift.upper, shift.lower) == ("T1", "L5")
 
 
 def test_height_is_that_of_the_stack_and_shrinks_with_the_cosine_of_a_tilt():
     length = 17 * BODY + 16 * DISC
-    upright = there(spine_height(spine_of(known_spine())))
+    upright = not_none(spine_height(spine_of(known_spine())))
     assert (upright.upper, upright.lower) == ("T1", "L5")
     assert upright.height == pytest.approx(length)
-    tilted = there(spine_height(spine_of(known_spine(to_left={"T1": 20.0, "L5": 20.0}))))
+    tilted = not_none(spine_height(spine_of(known_spine(to_left={"T1": 20.0, "L5": 20.0}))))
     assert tilted.height == pytest.approx(length * np.cos(np.radians(20.0)), abs=1e-9)
 
 
 def test_height_reaches_s1_where_it_is_known_and_needs_t1():
     landmarks = with_points(known_spine(), {"S1_superior_endplate": (0.0, 40.0, -50.0)})
-    found = there(spine_height(spine_of(landmarks)))
-    assert (found.upper, found.lower) == ("T1", "S1")
-    assert found.height == pytest.approx(450.0)
+    height_of_spine = not_none(spine_height(spine_of(landmarks)))
+    assert (height_of_spine.upper, height_of_spine.lower) == ("T1", "S1")
+    assert height_of_spine.height == pytest.approx(450.0)
     assert spine_height(spine_of(known_spine(levels=("T2", "T3", "L5")))) is None
 
 
@@ -70,10 +70,10 @@ def roof(slope, higher=0.0, aside=0.0, neck=55.0):
 
 @pytest.mark.parametrize("higher", [18.0, -7.0, 0.0])
 def test_shoulder_that_is_raised_by_a_length_stands_higher_by_it(higher):
-    found = there(shoulder_heights(roof(0.4, higher), spine_of(known_spine()), LEFT))
-    assert found.difference == pytest.approx(higher, abs=1e-9)
+    shoulders = not_none(shoulder_heights(roof(0.4, higher), spine_of(known_spine()), LEFT))
+    assert shoulders.difference == pytest.approx(higher, abs=1e-9)
     middle = 420.0 - 0.4 * (0.5 * (INNER + OUTER) * 150.0 - 55.0) - 390.0  # T1's centroid is at 390
-    assert found.left == pytest.approx(middle, abs=1e-9)
+    assert shoulders.left == pytest.approx(middle, abs=1e-9)
 
 
 PLACES = {"T1": 380.0, "T8": 240.0, "L5": 80.0}
@@ -90,8 +90,8 @@ def sheared_spine(aside, levels=PLACES):
 
 def rounded_shift(landmarks: Landmarks) -> TrunkShift:
     """Lateral to a millionth of a millimetre."""
-    found = there(measure(tube(ellipse()), landmarks).trunk_shift)
-    return replace(found, lateral=round(found.lateral, 6))
+    shift = not_none(measure(tube(ellipse()), landmarks).trunk_shift)
+    return replace(shift, lateral=round(shift.lateral, 6))
 
 
 @pytest.mark.parametrize(("aside", "expected"), [(-25.0, 25.0), (10.0, -10.0)])
@@ -125,7 +125,7 @@ def test_flanks_of_a_sheared_cylinder():
     measures = measure(Surface(vertices, straight.faces), spine(PLACES, (0.0, 0.0)))
     expected = {"T1": 30.0, "T8": 16.0, "L5": 0.0}
     for level, offset in expected.items():
-        flanks = there(measures.flanks[level])
+        flanks = not_none(measures.flanks[level])
         assert (flanks.left, flanks.right) == pytest.approx((100.0 - offset, 100.0 + offset), abs=0.01)
         assert flanks.index == pytest.approx(offset, abs=0.01)
 
@@ -182,7 +182,7 @@ def test_apex_of_a_lumbar_curve_is_measured_from_the_sacral_line():
     middle = landmarks.of_bone(lumbar.level).points.mean(axis=0)[0]
     assert lumbar.translation == pytest.approx(landmarks.point("L5_inferior_endplate")[0] - middle, abs=1e-9)
     assert s1.translation == pytest.approx(9.0 - middle, abs=1e-9)
-    assert there(lumbar.translation) < -5.0  # to the left, where the curve bulges
+    assert not_none(lumbar.translation) < -5.0  # to the left, where the curve bulges
 
 
 def test_neutral_vertebra_is_the_one_turned_least_where_none_turns_back():
@@ -268,10 +268,10 @@ def angles(landmarks):
 
 
 def test_angles_are_those_between_the_axes_it_was_built_with():
-    found = angles(known_spine(back=ROUND))
-    assert found["T1-T12"] == pytest.approx(38.0, abs=1e-9)
-    assert found["T5-T12"] == pytest.approx(32.0, abs=1e-9)
-    assert found["L1-L5"] == pytest.approx(37.0, abs=1e-9)
+    kyphosis = angles(known_spine(back=ROUND))
+    assert kyphosis["T1-T12"] == pytest.approx(38.0, abs=1e-9)
+    assert kyphosis["T5-T12"] == pytest.approx(32.0, abs=1e-9)
+    assert kyphosis["L1-L5"] == pytest.approx(37.0, abs=1e-9)
 
 
 def test_scoliosis_and_axial_rotation_change_nothing_seen_from_the_side():
@@ -289,9 +289,9 @@ def test_lordosis_reaches_the_sacrum_where_it_has_landmarks(bone):
     upper = np.array([0.0, 45.0, -60.0])
     lower = upper - 20.0 * np.array([0.0, -np.sin(lean), np.cos(lean)])
     points = {f"{bone}_superior_endplate": upper, f"{bone}_inferior_endplate": lower}
-    found = angles(with_points(known_spine(back=ROUND), points))
-    assert found["L1-S1"] == pytest.approx(55.0, abs=1e-9)
-    assert found["L1-L5"] == pytest.approx(37.0, abs=1e-9)
+    lordosis = angles(with_points(known_spine(back=ROUND), points))
+    assert lordosis["L1-S1"] == pytest.approx(55.0, abs=1e-9)
+    assert lordosis["L1-L5"] == pytest.approx(37.0, abs=1e-9)
 
 
 HEIGHTS = np.linspace(-80.0, 440.0, 131)
@@ -301,7 +301,7 @@ def trunk(depths, places):
     """A tube, 300 mm wide, with a triangular notch of 120 mm, of some depth and height on each side."""
     around = np.radians(np.arange(0, 360, 5))
     notch = [d * np.clip(1.0 - np.abs(HEIGHTS - z) / 60.0, 0.0, 1.0) for d, z in zip(depths, places, strict=True)]
-    left, right = (150.0 - one for one in notch)
+    left, right = (150.0 - depth for depth in notch)
     x = np.where(np.cos(around) > 0.0, left[:, None], right[:, None]) * np.cos(around)
     y = np.broadcast_to(100.0 * np.sin(around), x.shape)
     points = np.stack([x, y, np.broadcast_to(HEIGHTS[:, None], x.shape)], axis=-1).reshape(-1, 3)
@@ -319,25 +319,25 @@ def trunk(depths, places):
 def test_depth_and_height_of_each_side_are_those_of_its_notch():
     spine = known_spine()
     pelvis = 0.5 * (spine.point("asis_left") + spine.point("asis_right"))[2]
-    found = there(measure(trunk((30.0, 12.0), (pelvis + 60.0, pelvis + 84.0)), spine).waist)
-    assert (found.left_depth, found.right_depth) == pytest.approx((30.0, 12.0), abs=2.1)  # heights are 8 mm apart
-    assert found.left_height == pytest.approx(60.0, abs=4.0)
-    assert found.right_height == pytest.approx(84.0, abs=4.0)
-    assert found.height_difference == pytest.approx(24.0, abs=8.0)
+    waist = not_none(measure(trunk((30.0, 12.0), (pelvis + 60.0, pelvis + 84.0)), spine).waist)
+    assert (waist.left_depth, waist.right_depth) == pytest.approx((30.0, 12.0), abs=2.1)  # heights are 8 mm apart
+    assert waist.left_height == pytest.approx(60.0, abs=4.0)
+    assert waist.right_height == pytest.approx(84.0, abs=4.0)
+    assert waist.height_difference == pytest.approx(24.0, abs=8.0)
     wide = 300.0 - 30.0 - 12.0
-    assert found.height_angle == pytest.approx(math.degrees(math.atan2(24.0, wide)), abs=1.8)
-    angles = [2.0 * math.degrees(math.atan2(60.0, depth)) for depth in (found.left_depth, found.right_depth)]
-    assert (found.left_angle, found.right_angle) == pytest.approx(angles, abs=3.0)
-    assert found.angle_ratio == pytest.approx(100.0 * found.right_angle / found.left_angle)
-    assert found.angle_ratio > 110.0
-    assert found.depth_ratio == pytest.approx(100.0 * 30.0 / 12.0, rel=0.2)
-    mirrored = there(measure(trunk((12.0, 30.0), (pelvis + 84.0, pelvis + 60.0)), spine).waist)
-    assert mirrored.height_angle == pytest.approx(-found.height_angle, abs=1e-6)
-    assert mirrored.angle_ratio * found.angle_ratio == pytest.approx(1e4)
-    assert mirrored.depth_difference == pytest.approx(-found.depth_difference, abs=1e-6)
+    assert waist.height_angle == pytest.approx(math.degrees(math.atan2(24.0, wide)), abs=1.8)
+    angles = [2.0 * math.degrees(math.atan2(60.0, depth)) for depth in (waist.left_depth, waist.right_depth)]
+    assert (waist.left_angle, waist.right_angle) == pytest.approx(angles, abs=3.0)
+    assert waist.angle_ratio == pytest.approx(100.0 * waist.right_angle / waist.left_angle)
+    assert waist.angle_ratio > 110.0
+    assert waist.depth_ratio == pytest.approx(100.0 * 30.0 / 12.0, rel=0.2)
+    mirrored = not_none(measure(trunk((12.0, 30.0), (pelvis + 84.0, pelvis + 60.0)), spine).waist)
+    assert mirrored.height_angle == pytest.approx(-waist.height_angle, abs=1e-6)
+    assert mirrored.angle_ratio * waist.angle_ratio == pytest.approx(1e4)
+    assert mirrored.depth_difference == pytest.approx(-waist.depth_difference, abs=1e-6)
 
 
 def test_straight_flanks_have_no_waist_and_a_spine_without_t8_no_measure():
     spine = known_spine()
-    found = there(measure(trunk((0.0, 0.0), (100.0, 100.0)), spine).waist)
-    assert (found.left_depth, found.right_depth) == pytest.approx((0.0, 0.0), abs=1e-6)
+    measured = not_none(measure(trunk((0.0, 0.0), (100.0, 100.0)), spine).waist)
+    assert (measured.left_depth, measured.right_depth) == pytest.approx((0.0, 0.0), abs=1e-6)

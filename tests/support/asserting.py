@@ -25,7 +25,7 @@ def refuses(*parts: str, begins: Path | str = "") -> Iterator[None]:
 T = TypeVar("T")
 
 
-def there(value: T | None) -> T:
+def not_none(value: T | None) -> T:
     """The value, which is not missing."""
     assert value is not None
     return value

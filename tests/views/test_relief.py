@@ -44,10 +44,10 @@ def landmarks():
 
 def test_pelvis_frame_undoes_any_turn_and_shift_of_the_patient(landmarks):
     points = np.random.default_rng(1).normal(size=(20, 3)) * 100.0
-    here, shift = in_pelvis(points, landmarks), np.array([30.0, -70.0, 0.0])
+    pelvic, shift = in_pelvis(points, landmarks), np.array([30.0, -70.0, 0.0])
     moved = Landmarks(landmarks.names, turned_about_z(landmarks.points, 25.0) + shift)
-    there = in_pelvis(turned_about_z(points, 25.0) + shift, moved)
-    np.testing.assert_allclose(there, here, atol=1e-9)
+    pelvic_of_moved = in_pelvis(turned_about_z(points, 25.0) + shift, moved)
+    np.testing.assert_allclose(pelvic_of_moved, pelvic, atol=1e-9)
     np.testing.assert_allclose(in_pelvis(landmarks.points[:2], landmarks)[:, :2], [[120.0, 0.0], [-120.0, 0.0]])
 
 

@@ -10,8 +10,8 @@ import warp as wp
 
 from warp_trunk.errors import InputError
 from warp_trunk.kernels.assembly import (
-    KEPT,
     NUMBERS,
+    NUMBERS_KEPT,
     PAIRS,
     PLACES,
     block_completer,
@@ -60,15 +60,15 @@ class AddedBlocks:
         hinges = split(len(pattern.block_of) - tets)
         parts = pairwise(split(tets)), pairwise(tets + hinges)
         ranges = [np.r_[slice(*tet), slice(*hinge)] for tet, hinge in zip(*parts, strict=True)]
-        place_of, others = separate_ranges(pattern.block_of, ranges, size)
+        place_of, extra_blocks = separate_ranges(pattern.block_of, ranges, size)
         self._place_of = model.array(2 * place_of + turned(model.edges.stencils), vec10i)
-        self.blocks = model.zeros(wp.types.matrix((3, 3), model.scalar), size + 1 + len(others))
-        order = np.argsort(others, kind="stable")
-        completed = np.union1d(others, np.flatnonzero(image >= 0))
+        self.blocks = model.zeros(wp.types.matrix((3, 3), model.scalar), size + 1 + len(extra_blocks))
+        order = np.argsort(extra_blocks, kind="stable")
+        completed = np.union1d(extra_blocks, np.flatnonzero(image >= 0))
         completed = completed[completed < size]
-        start = np.searchsorted(others[order], np.append(completed, size))
-        others = order + size + 1
-        lists = [model.array(each, wp.int32) for each in (completed, start, others, image[completed])]
+        start = np.searchsorted(extra_blocks[order], np.append(completed, size))
+        extra_blocks = order + size + 1
+        lists = [model.array(each, wp.int32) for each in (completed, start, extra_blocks, image[completed])]
         self._complete = model.parallel.record(block_completer(model.scalar), len(completed), lists, [self.blocks])
         self._clear = model.parallel.clear(self.blocks)
 
@@ -98,7 +98,7 @@ def separate_ranges(
     Returns:
         The place of each part, of the shape of `block_of`, and the block of each place after `size`.
     """
-    place_of, others = np.empty_like(block_of), [np.zeros(0, dtype=np.int64)]
+    place_of, extra_blocks = np.empty_like(block_of), [np.zeros(0, dtype=np.int64)]
     taken, places = np.zeros(size + 1, dtype=bool), size + 1
     for stencils in ranges:
         used = np.zeros(size + 1, dtype=bool)
@@ -106,9 +106,9 @@ def separate_ranges(
         again, place = np.flatnonzero(used & taken), np.arange(size + 1)
         place[again] = places + np.arange(len(again))
         place_of[stencils] = place[block_of[stencils]]
-        others.append(again)
+        extra_blocks.append(again)
         taken, places = taken | used, places + len(again)
-    return place_of, np.concatenate(others)
+    return place_of, np.concatenate(extra_blocks)
 
 
 class GatheredBlocks:
@@ -133,7 +133,8 @@ class GatheredBlocks:
     def at(self, displacement: wp.array) -> Callable[[str], Launch]:
         """See `AddedBlocks`."""
         model = self._model
-        parts = model.zeros(model.scalar, KEPT * (self._stencils + BLOCK))  # the last block of threads is whole
+        whole_blocks = self._stencils + BLOCK  # the last block of threads is whole
+        parts = model.zeros(model.scalar, NUMBERS_KEPT * whole_blocks)
         gather = model.parallel.record(
             block_gatherer(model.scalar),
             threads_over(self._gathered),
@@ -150,7 +151,7 @@ class GatheredBlocks:
 
 def check_stencils(stencils: int) -> None:
     """InputError where tetrahedra and hinges keep more numbers than 32 bits can count."""
-    most = np.iinfo(np.int32).max // KEPT - BLOCK
+    most = np.iinfo(np.int32).max // NUMBERS_KEPT - BLOCK
     if stencils > most:
         raise InputError(
             f"trunk: {stencils} tetrahedra and hinges of skin are more than the {most} that CUDA assembles; mesh "
@@ -160,8 +161,8 @@ def check_stencils(stencils: int) -> None:
 
 def turned(stencils: np.ndarray) -> np.ndarray:
     """Whether the block of each of PAIRS of stencils (stencils, 4) is added transposed, (stencils, 10)."""
-    one, other = (np.take(stencils, corner, axis=1) for corner in np.array(PAIRS).T)
-    return one > other
+    first, other = (np.take(stencils, corner, axis=1) for corner in np.array(PAIRS).T)
+    return first > other
 
 
 def list_parts(block_of: np.ndarray, turned: np.ndarray, gathered: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -179,7 +180,7 @@ def list_parts(block_of: np.ndarray, turned: np.ndarray, gathered: np.ndarray) -
     number = np.full(int(gathered.max(initial=-1)) + 2, -1, dtype=np.int32)  # the last: of what is no block
     number[gathered] = np.arange(len(gathered))
     key = number[block_of]
-    place = KEPT * np.arange(len(block_of))[:, None] + np.array(PLACES)
+    place = NUMBERS_KEPT * np.arange(len(block_of))[:, None] + np.array(PLACES)
     place = np.where(turned, ~place, place)[key >= 0]
     order = np.argsort(key[key >= 0], kind="stable")
     start = np.searchsorted(key[key >= 0][order], np.arange(len(gathered) + 1))

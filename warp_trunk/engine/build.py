@@ -121,7 +121,7 @@ def _released(model: Model, nodes: np.ndarray) -> Model:
     skin = model.skin
     if skin is not None:
         skin = replace(skin, corners=hinges, hinges=model.array(hinges, wp.vec4i))
-    found = replace(
+    without = replace(
         model,
         order=model.order[order],
         free_nodes=model.nodes - int(np.count_nonzero(stays)),
@@ -131,6 +131,6 @@ def _released(model: Model, nodes: np.ndarray) -> Model:
         edges=edges,
         skin=skin,
         in_precision=lambda precision: _released(model.in_precision(precision), nodes),
-        released=lambda more: _released(found, more),
+        released=lambda more: _released(without, more),
     )
-    return found
+    return without

@@ -44,8 +44,8 @@ def constants_of(model: Model) -> tuple[Constant, ...]:
     names = [name for name, term in _OF_TERM.items() if itmsm and term in model.elements.terms]
     names += ["poisson_ratio"] * (not itmsm)
     names += ["youngs_modulus"] * (falls or several or skin) + ["density"] * falls
-    found = [Constant(name, number) for number in range(len(model.tissues)) for name in names]
-    return (*found, *[Constant("gravity")] * falls, *[Constant(OF_SKIN)] * skin)
+    constants = [Constant(name, number) for number in range(len(model.tissues)) for name in names]
+    return (*constants, *[Constant("gravity")] * falls, *[Constant(OF_SKIN)] * skin)
 
 
 def value_of(model: Model, constant: Constant) -> float:
@@ -76,7 +76,7 @@ def weight_derivative(model: Model, constant: Constant) -> dict[str, np.ndarray]
     """
     value, lower, upper = _sides(model, constant)
     step = upper - lower
-    high, low = (_weights(model, constant, there - value) for there in (upper, lower))
+    high, low = (_weights(model, constant, limit - value) for limit in (upper, lower))
     return {name: (high[name] - low[name]) / step for name in high}
 
 
@@ -122,11 +122,11 @@ def _weights(model: Model, constant: Constant, change: float) -> dict[str, np.nd
         for number, tissue in enumerate(model.tissues)
     )
     mesh = replace(scanned_mesh(model), tissues=tissues)
-    found = model.elements.weights(mesh, gravity)
+    weights = model.elements.weights(mesh, gravity)
     if model.skin is None:
-        return found
+        return weights
     rigidity = model.skin.rigidity + (change if constant.name == OF_SKIN else 0.0)
-    return {**found, STIFFNESS: rigidity * model.elements.per_millijoule(mesh) * model.skin.shares}
+    return {**weights, STIFFNESS: rigidity * model.elements.per_millijoule(mesh) * model.skin.shares}
 
 
 def scanned_mesh(model: Model) -> RestMesh:

@@ -77,8 +77,8 @@ def inverse_rows(matrix: np.ndarray, scale: np.ndarray, shift: float) -> Iterato
         bounds.append(int(last[bounds[-1]]) + 1)
     layers = [slice(first, end) for first, end in pairwise(bounds)]
 
-    def block(one: slice, other: slice) -> np.ndarray:
-        return scale[one, None] * matrix[one, other] * scale[other]
+    def block(rows: slice, other: slice) -> np.ndarray:
+        return scale[rows, None] * matrix[rows, other] * scale[other]
 
     def on_diagonal(layer: slice) -> np.ndarray:
         upper = block(layer, layer)
@@ -120,5 +120,5 @@ class DenseProduct:
         """Records the product for bounds of the ranges of strips.
 
         Both vectors are of shape (n / 3 + STRIP,), vec3, of which n / 3 count."""
-        kernel, given = cpu_grid_kernels(self._model.scalar).dense, [self.numbers, self._scale, residual]
-        return self._model.parallel.record(kernel, bounds, given, [solution])
+        kernel, inputs = cpu_grid_kernels(self._model.scalar).dense, [self.numbers, self._scale, residual]
+        return self._model.parallel.record(kernel, bounds, inputs, [solution])

@@ -45,10 +45,10 @@ class CoarseGrid:
         vertex = _corners(_placed(cell, rank), size)
         for own, part in zip(vertex, weight, strict=True):
             support += np.bincount(own, part**2, minlength=len(support))
-        kept = (support >= min(LEAST_SUPPORT, support.max())).reshape(size)
+        supported = (support >= min(LEAST_SUPPORT, support.max())).reshape(size)
         axes = np.argsort(-size, kind="stable")  # layers across the longest axis follow each other: see `invert`
-        place = np.empty((np.count_nonzero(kept), 3), dtype=np.int64)
-        place[:, axes] = np.argwhere(kept.transpose(axes))
+        place = np.empty((np.count_nonzero(supported), 3), dtype=np.int64)
+        place[:, axes] = np.argwhere(supported.transpose(axes))
         number = np.full(size, -1, dtype=np.int32)
         number[tuple(place.T)] = np.arange(len(place))
         planes = [np.searchsorted(along, at) for along, at in zip(rank, place.T, strict=True)]

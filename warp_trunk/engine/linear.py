@@ -149,17 +149,17 @@ class BlockMatrix:
                 Iterates(unused, unused, p, unused, q, zero_dots(model), p_dot_q)
             )
         carried = model.zeros(wp.types.vector(4, model.scalar), len(p))
-        given = [self.row_start, self.columns, self.blocks, p]
-        return model.parallel.record(cpu_product_kernel(model.scalar), self.bounds, given, [q, p_dot_q, carried])
+        inputs = [self.row_start, self.columns, self.blocks, p]
+        return model.parallel.record(cpu_product_kernel(model.scalar), self.bounds, inputs, [q, p_dot_q, carried])
 
     def update_search_and_multiply(self, at: Iterates) -> Launch:
         """Records p = z + beta p and q = H p with p . q."""
         model, dots = self.model, [at.r_dot_z, at.p_dot_q]
         if model.parallel.is_cuda:
             z, p, q = (view(v, model.scalar, 3 * len(v)) for v in (at.preconditioned, at.search, at.product))
-            given = [self.row_start, self.columns, self._planes, *dots, at.preconditioned, z]
+            inputs = [self.row_start, self.columns, self._planes, *dots, at.preconditioned, z]
             kernel = cuda_product_kernels(model.scalar).update_search_and_multiply
-            return model.parallel.record(kernel, PRODUCT_LANES * model.free_nodes, given, [p, q])
+            return model.parallel.record(kernel, PRODUCT_LANES * model.free_nodes, inputs, [p, q])
         update_search = conjugate_gradient_kernels(model.scalar).update_search
         update = model.parallel.record(update_search, self.bounds, [*dots, at.preconditioned], [at.search])
         return in_sequence(update, self.multiply(at.search, at.product, at.p_dot_q))
@@ -167,8 +167,8 @@ class BlockMatrix:
     def update_solution(self, at: Iterates) -> Launch:
         """Records the step on the CPU, x += alpha p and r -= alpha q, but before the first iteration."""
         kernel = conjugate_gradient_kernels(self.model.scalar).update_solution
-        given = [at.r_dot_z, at.p_dot_q, at.search, at.product]
-        return self.model.parallel.record(kernel, self.bounds, given, [at.solution, at.residual])
+        inputs = [at.r_dot_z, at.p_dot_q, at.search, at.product]
+        return self.model.parallel.record(kernel, self.bounds, inputs, [at.solution, at.residual])
 
 
 class ConjugateGradient:

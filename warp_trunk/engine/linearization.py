@@ -133,9 +133,9 @@ class Linearization:
         right[: len(weights)], right[len(weights) :] = self._of_free(weights), force
         start = np.zeros_like(right)
         start[len(weights) :] = moved[:, self.model.free]
-        found, residual = self._in_turn(self._solve, right, self._accuracy, start)
-        moved[:, self.model.free] = found[len(weights) :]
-        of_numbers = (self._in_mesh_order(each[: len(weights)]) for each in (found, residual))
+        solutions, residual = self._in_turn(self._solve, right, self._accuracy, start)
+        moved[:, self.model.free] = solutions[len(weights) :]
+        of_numbers = (self._in_mesh_order(each[: len(weights)]) for each in (solutions, residual))
         return Adjoints(*of_numbers), self._in_mesh_order(moved)
 
     def position_derivatives(self, adjoints: Adjoints) -> np.ndarray:
@@ -170,16 +170,16 @@ class Linearization:
         """Those on the free nodes, shape (changes, free, 3)."""
         model, scan = self.model, self.model.scan
         end = self._state.displacement.numpy().copy()
-        found = np.array([self._force_derivative(each, end) for each in derivatives])
+        forces = np.array([self._force_derivative(each, end) for each in derivatives])
         if scan is not None:
             try:
                 self._relaxer.assemble_true(model.array(scan, model.vec3))
-                there = np.array([self._force_derivative(each, scan) for each in derivatives])
-                moved = rest_motions(model, there, self._solve, self._accuracy)
+                scan_forces = np.array([self._force_derivative(each, scan) for each in derivatives])
+                moved = rest_motions(model, scan_forces, self._solve, self._accuracy)
             finally:
                 self._relaxer.assemble_true(model.array(end, model.vec3))
-            found += [rest_force_derivative(model, end.astype(np.float64), each) for each in moved]
-        return found
+            forces += [rest_force_derivative(model, end.astype(np.float64), each) for each in moved]
+        return forces
 
     def _force_derivative(self, derivative: Mapping[str, np.ndarray], displacement: np.ndarray) -> np.ndarray:
         """The gradient of the energy with the derivative of its weights in their place, (free, 3)."""
@@ -217,12 +217,12 @@ class Linearization:
         All are of shape (fields, free, 3). One after the other: conjugate gradients that share the passes over the
         matrix between 16 right-hand sides took the whole command as long (`simulate --bands`, 45 right-hand
         sides)."""
-        found, residual = np.zeros_like(force), np.zeros_like(force)
+        solutions, residual = np.zeros_like(force), np.zeros_like(force)
         if self.model.free_nodes:
             for number, right in enumerate(force):
                 start = None if guess is None or not guess[number].any() else guess[number]
-                found[number], residual[number] = self._solve_one(right, start, relative)
-        return found, residual
+                solutions[number], residual[number] = self._solve_one(right, start, relative)
+        return solutions, residual
 
     def _solve_one(
         self, force: np.ndarray, guess: np.ndarray | None, relative: float
@@ -246,8 +246,8 @@ class Linearization:
                 "sensitivities: the trunk is at no stable equilibrium, or too near the end of one; "
                 "simulate with a smaller tolerance"
             )
-        found, residual = solver.solution.numpy() * size, solver.residual.numpy() * size
-        return (found if guess is None else found + guess), residual
+        x, residual = solver.solution.numpy() * size, solver.residual.numpy() * size
+        return (x if guess is None else x + guess), residual
 
     def _of_free(self, fields: np.ndarray) -> np.ndarray:
         return fields[:, self.model.order[self.model.free]]

@@ -118,8 +118,8 @@ class Model:
         if self.skin is None:
             return []
         kernel = getattr(self.skin.kernels, name)
-        given = [*self.skin.arguments, *inputs]
-        return [self.parallel.record(kernel, len(self.skin.corners), given, outputs, block=block)]
+        arguments = [*self.skin.arguments, *inputs]
+        return [self.parallel.record(kernel, len(self.skin.corners), arguments, outputs, block=block)]
 
     def array(self, values: np.ndarray, dtype: Any) -> wp.array:
         """The values on the device."""

@@ -221,7 +221,7 @@ class CudaLevels:
             return view(array, model.scalar, 3 * len(array))
 
         scale = view(self._scale, wp.vec3f, self._coarsest)
-        others = self._vertices - self._coarsest - self._far + len(groups.arrays.group_of)
+        by_few = self._vertices - self._coarsest - self._far + len(groups.arrays.group_of)
         grids = [self._coarsest, self._far, *self._by_vertex, self._inverse_diagonal, scale]
         return in_sequence(
             record(
@@ -232,7 +232,7 @@ class CudaLevels:
             ),
             record(
                 kernels.restrict,
-                self._coarsest * BLOCK_LANES + self._far * VERTEX_LANES + others * FEW_LANES,
+                self._coarsest * BLOCK_LANES + self._far * VERTEX_LANES + by_few * FEW_LANES,
                 [*grids, residual, groups.arrays],
                 [view(coarsest_residual, wp.vec3f, self._coarsest), correction],
                 block=BLOCK_LANES,
@@ -262,12 +262,12 @@ def grid_diagonal(matrix: BlockMatrix, whole: _Interpolation, inverse: wp.array,
     """Records the inverse diagonal blocks of P^T H P times a weight, for P from a grid's vertices to the nodes."""
     model, size = matrix.model, len(inverse)
     diagonal = model.zeros(inverse.dtype, model.parallel.ranges, size)
-    given = [matrix.row_start, matrix.columns, matrix.blocks, *whole.by_point]
+    inputs = [matrix.row_start, matrix.columns, matrix.blocks, *whole.by_point]
     own, lanes = model.array(np.arange(size, dtype=np.int32), wp.int32), CORNERS if model.parallel.is_cuda else 1
     return in_sequence(
         model.parallel.clear(diagonal),
         model.parallel.record(
-            grid_matrix_kernels(model.scalar, lanes).grid_diagonal, lanes * model.free_nodes, given, [diagonal]
+            grid_matrix_kernels(model.scalar, lanes).grid_diagonal, lanes * model.free_nodes, inputs, [diagonal]
         ),
         model.parallel.gather(diagonal, model.scalar),
         model.parallel.record(
@@ -288,7 +288,7 @@ def grid_matrix(matrix: BlockMatrix, whole: _Interpolation, size: int) -> np.nda
         [matrix.row_start, matrix.columns, matrix.blocks, *whole.by_point],
         [dense],
     )()
-    total, *others = dense.numpy()
-    for other in others:
+    total, *products = dense.numpy()
+    for other in products:
         total += other
     return total

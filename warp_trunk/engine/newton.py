@@ -164,7 +164,7 @@ class Relaxer:
                 history.add(trial)
                 run.confirm = confirm and (confirm_inverted or not history.inverted_tets)
             leads_on = searched(run, trial and trial.length)
-            if not run.confirm and estimate.known and estimate.distance <= run.tolerance:
+            if not run.confirm and estimate.solved and estimate.distance <= run.tolerance:
                 return history.end(RelaxStatus.NEAR, estimate.distance)
             if not leads_on:
                 return history.end(RelaxStatus.STALLED, math.inf)

@@ -41,10 +41,10 @@ class NodeGroups:
         self.members = groups = tie(rows, columns, matrix.blocks.numpy()[upper], size)
         count = np.array([len(group) for group in groups], dtype=np.int64)
         keys, pairs = rows * size + columns, [(a, b) for group in groups for a in group for b in group]
-        one, other = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
-        wanted = np.minimum(one, other) * size + np.maximum(one, other)
+        first_end, other = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+        wanted = np.minimum(first_end, other) * size + np.maximum(first_end, other)
         at = np.searchsorted(keys, wanted).clip(0, len(keys) - 1)
-        block_of = np.where(keys[at] == wanted, np.where(one <= other, 1, -1) * (upper[at] + 1), 0)
+        block_of = np.where(keys[at] == wanted, np.where(first_end <= other, 1, -1) * (upper[at] + 1), 0)
         start = 9 * np.cumsum([0, *count**2])
         nodes = np.array([node for group in groups for node in group], dtype=np.int64)
         member_of = np.full(model.free_nodes, -1)
@@ -90,8 +90,8 @@ def tie(rows: np.ndarray, columns: np.ndarray, blocks: np.ndarray, size: int) ->
     stiff = stiff[np.argsort(-part[stiff], kind="stable")]
     group_of: dict[int, list[int]] = {}
     for a, b in zip(rows[stiff].tolist(), columns[stiff].tolist(), strict=True):
-        one, other = group_of.setdefault(a, [a]), group_of.setdefault(b, [b])
-        if one is not other and len(one) + len(other) <= MEMBERS:
-            one += other
-            group_of.update(dict.fromkeys(other, one))
+        first_group, other = group_of.setdefault(a, [a]), group_of.setdefault(b, [b])
+        if first_group is not other and len(first_group) + len(other) <= MEMBERS:
+            first_group += other
+            group_of.update(dict.fromkeys(other, first_group))
     return sorted({id(group): sorted(group) for group in group_of.values() if len(group) > 1}.values())

@@ -41,9 +41,9 @@ def bisect(points: np.ndarray, parts: int) -> tuple[np.ndarray, np.ndarray]:
     pieces = np.array([max(parts, 1)])
     while (pieces > 1).any():
         group = np.repeat(np.arange(len(pieces)), np.diff(bounds))
-        here = points[order]
-        low = np.minimum.reduceat(here, bounds[:-1])
-        high = np.maximum.reduceat(here, bounds[:-1])
+        ordered = points[order]
+        low = np.minimum.reduceat(ordered, bounds[:-1])
+        high = np.maximum.reduceat(ordered, bounds[:-1])
         axis = np.argmax(high - low, axis=1)
         along = np.where(pieces[group] > 1, ranks[axis[group], order], 0)
         order = order[np.argsort(group * len(points) + along, kind="stable")]

@@ -53,9 +53,9 @@ def choose_device(name: str) -> str:
     start_warp()
     if name == "auto":
         return "cuda:0" if wp.is_cuda_available() else "cpu"
-    known = [str(device) for device in wp.get_devices()]
-    if name not in known:
-        raise InputError(f"device: '{name}' is not on this machine; choose auto or one of {', '.join(known)}")
+    devices = [str(device) for device in wp.get_devices()]
+    if name not in devices:
+        raise InputError(f"device: '{name}' is not on this machine; choose auto or one of {', '.join(devices)}")
     return name
 
 
@@ -110,9 +110,9 @@ class Parallel:
             dim = -(-(end - first) // block) * block if self.is_cuda else end - first
             if isinstance(kernel, NativeKernel) and not self.is_cuda:
                 dim = 1
-            given = [filled(Items, first=first, end=end, slab=slab), *inputs, *outputs]
+            arguments = [filled(Items, first=first, end=end, slab=slab), *inputs, *outputs]
             commands.append(
-                wp.launch(kernel, dim, given, device=self.device, block_dim=block, record_cmd=True)
+                wp.launch(kernel, dim, arguments, device=self.device, block_dim=block, record_cmd=True)
                 if first < end
                 else None
             )
@@ -131,8 +131,8 @@ class Parallel:
         if self.ranges == 1:
             return nothing
         size = slabs.size * _size_of(slabs) // wp.types.type_size_in_bytes(scalar) // self.ranges
-        given = [self.ranges, size, view(slabs, scalar, self.ranges * size)]
-        return self.record(slab_gatherer(scalar), size, given, [])
+        arguments = [self.ranges, size, view(slabs, scalar, self.ranges * size)]
+        return self.record(slab_gatherer(scalar), size, arguments, [])
 
     def repeat(self, running: wp.array, work: Launch) -> Launch:
         """A launch of recorded work, once and again as long as the first number of `running` is not 0 after it.

@@ -132,7 +132,7 @@ class Estimate:
     """The origin of the last direction."""
     distance: float = math.inf
     """How far the equilibrium is estimated to be from where the last solve was [mm]; infinite where not known."""
-    known: bool = False
+    solved: bool = False
     """Whether the solve behind the distance ended SOLVED."""
     length: float = math.inf
     """Of the longest vector of the last solution [mm]."""
@@ -154,7 +154,7 @@ class Estimate:
     def update(self, solution: LinearSolution, policy: Policy, *, true: bool, confirm: bool) -> None:
         """Sets the distance by the length of a solution and how much shorter it is than the one before."""
         length, before = solution.length + solution.error, self.length
-        self.known, self.remainder = solution.outcome is Outcome.SOLVED, 0.0
+        self.solved, self.remainder = solution.outcome is Outcome.SOLVED, 0.0
         if true and self.whole and self.phase is Phase.TRUE:
             self.remainder = solution.gradient_norm / self.gradient_norm * before
             self.steps.append(Step(before, max(self.remainder, length)))
@@ -162,7 +162,7 @@ class Estimate:
         if 0.0 < before < math.inf:
             fallen = solution.gradient_norm / self.gradient_norm  # less than the length, where stiff hides soft
             contraction = min(max(length / before, fallen), policy.slowest)
-            self.known = self.known and (confirm or fallen <= 1.0)  # or else the step strained stiff motions
+            self.solved = self.solved and (confirm or fallen <= 1.0)  # or else the step strained stiff motions
         self.length, self.gradient_norm = length, solution.gradient_norm
         self.phase = Phase.TRUE if true else Phase.PROJECTED
         self.distance = self.floor + length * max(1.0, contraction / (1.0 - contraction))
@@ -248,7 +248,7 @@ def decide(run: Run, planned: PlannedSolve, solution: LinearSolution, policy: Po
         case Outcome.SOLVED | Outcome.EXHAUSTED | Outcome.NEGATIVE_CURVATURE:  # of a projected one: rounding
             estimate.update(solution, policy, true=planned.true, confirm=run.confirm)
             run.reuse.grids = True
-            near = estimate.known and max(estimate.distance, estimate.bound(policy)) <= run.tolerance
+            near = estimate.solved and max(estimate.distance, estimate.bound(policy)) <= run.tolerance
             negligible = estimate.length <= max(estimate.floor, policy.negligible * run.tolerance)
             if near and planned.true:
                 return Action.CERTIFY if negligible else Action.TRY
@@ -353,7 +353,7 @@ def searched(run: Run, length: float | None) -> bool:
     estimate.whole = length == 1.0
     if length is None and run.reuse.hessian:  # with the Hessian of the state one may
         run.reuse = Reuse()
-        estimate.known, estimate.length = False, math.inf
+        estimate.solved, estimate.length = False, math.inf
         return True
     if length is None:  # the true Hessian is tried once where the projected one leads nowhere
         run.saddle.try_true = run.saddle.is_near = True

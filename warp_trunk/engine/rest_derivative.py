@@ -42,8 +42,8 @@ def rest_force_derivative(model: Model, displacement: np.ndarray, move: np.ndarr
         return np.zeros_like(move)
     whole = np.zeros_like(displacement)
     whole[model.free] = move * (MOVE[model.precision] / longest)
-    there = [_gradient(model, whole * sign, displacement) for sign in (1.0, -1.0)]
-    return (there[0] - there[1]) * (longest / (2.0 * MOVE[model.precision]))
+    gradients = [_gradient(model, whole * sign, displacement) for sign in (1.0, -1.0)]
+    return (gradients[0] - gradients[1]) * (longest / (2.0 * MOVE[model.precision]))
 
 
 def _gradient(model: Model, move: np.ndarray, displacement: np.ndarray) -> np.ndarray:

@@ -86,21 +86,21 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
                 getattr(part, name).assign(values)
         state.set_from_rest(scan - rest)
         solver.evaluate()
-        if not (run.estimate.known and run.estimate.distance <= tolerance):
+        if not (run.estimate.solved and run.estimate.distance <= tolerance):
             continue
         confirmed = Run(tolerance, confirm=True, saddle=Saddle(try_true=True, is_near=True))
         action, more = solve(solver, confirmed)
         spent += more
         sag = float(np.linalg.norm(scan - rest, axis=1).max())
         if action is Action.CONVERGED:
-            found = replace(
+            rest_model = replace(
                 resting(model, mesh),
                 rest=rest,
                 scan=scan - rest,
                 in_precision=lambda precision: sag_free(model.in_precision(precision), tolerance).model,
                 released=lambda nodes: sag_free(model.released(nodes), tolerance).model,
             )
-            return RestState(found, sag, confirmed.estimate.distance, rounds, spent)
+            return RestState(rest_model, sag, confirmed.estimate.distance, rounds, spent)
         if action is Action.STALLED or confirmed.saddle.down is not None:
             raise InputError(
                 f"gravity: from the only rest state that was found, {sag:.0f} mm away, tissue of "

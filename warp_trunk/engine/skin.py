@@ -87,8 +87,8 @@ def hinges_of(faces: np.ndarray) -> np.ndarray:
     key = ends.min(axis=1) * (int(faces.max(initial=0)) + 1) + ends.max(axis=1)
     order = np.argsort(key, kind="stable")
     first = np.flatnonzero(key[order][1:] == key[order][:-1])
-    one, other = order[first], order[first + 1]
-    return np.column_stack([ends[one], third[one], third[other]]).astype(np.int32)
+    first_face, other = order[first], order[first + 1]
+    return np.column_stack([ends[first_face], third[first_face], third[other]]).astype(np.int32)
 
 
 def _edges(rest: RestMesh, corners: np.ndarray) -> np.ndarray:

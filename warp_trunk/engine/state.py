@@ -185,10 +185,10 @@ class ProductReader:
         model = state.model
         self._products = model.zeros(wp.float64, model.parallel.ranges, COLUMNS)
         self._host = Readback(model.parallel, self._products)
-        given = [state.gradient, direction, previous]
+        inputs = [state.gradient, direction, previous]
         self.launch: Launch = in_sequence(
             model.parallel.clear(self._products),
-            model.over_free(vector_kernels(model.scalar).products, given, [self._products]),
+            model.over_free(vector_kernels(model.scalar).products, inputs, [self._products]),
             self._host.send,
         )
         """Computes the products of the vectors as they are now, on the device."""

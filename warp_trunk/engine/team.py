@@ -92,8 +92,8 @@ class Team:
         if self._board is None:
             self._board = wp.zeros(board_size(self.ranges), dtype=wp.int64, device="cpu")
             self._board.numpy()[SYSTEM : SYSTEM + 5] = system_functions(self.way)
-        given = [filled(Items, slab=range), self._board, *arguments]
-        return _Call(wp.launch(kernel, dim=1, inputs=given, device="cpu", record_cmd=True))
+        inputs = [filled(Items, slab=range), self._board, *arguments]
+        return _Call(wp.launch(kernel, dim=1, inputs=inputs, device="cpu", record_cmd=True))
 
     def _start(self) -> None:
         """Starts the threads that do not run yet; InputError in a process that was forked from theirs.
@@ -175,13 +175,13 @@ class _Call:
         bounds, *values = command.params
         arguments = _arguments_type(*map(type, values))(*values)
         self._held = command, arguments
-        self._function, self._given = command.hooks.forward, (ctypes.byref(bounds), ctypes.byref(arguments))
+        self._function, self._arguments = command.hooks.forward, (ctypes.byref(bounds), ctypes.byref(arguments))
         function = ctypes.cast(self._function, ctypes.c_void_p).value
         self.addresses = np.array([function, ctypes.addressof(bounds), ctypes.addressof(arguments)])
 
     def __call__(self) -> None:
         """Calls it without the interpreter lock."""
-        self._function(*self._given)
+        self._function(*self._arguments)
 
 
 @cache

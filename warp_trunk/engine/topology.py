@@ -52,8 +52,8 @@ class Edges:
     def among(cls, stencils: np.ndarray) -> Edges:
         """The edges of stencils, shape (stencils, 4)."""
         nodes = int(stencils.max(initial=0)) + 1
-        one, other = (np.take(stencils, corner, axis=1).astype(np.int64) for corner in EDGES.T)
-        keys = (np.minimum(one, other) * nodes + np.maximum(one, other)).ravel()
+        first_end, other = (np.take(stencils, corner, axis=1).astype(np.int64) for corner in EDGES.T)
+        keys = (np.minimum(first_end, other) * nodes + np.maximum(first_end, other)).ravel()
         order = np.argsort(keys)
         keys = keys[order]
         first = np.ones(len(keys), dtype=bool)
@@ -64,8 +64,8 @@ class Edges:
 
     def renumbered(self, number: np.ndarray) -> Edges:
         """The same where each node has another number, shape (nodes,)."""
-        one, other = number.take(self.ends)
-        low, high = np.minimum(one, other), np.maximum(one, other)
+        first_end, other = number.take(self.ends)
+        low, high = np.minimum(first_end, other), np.maximum(first_end, other)
         order = np.lexsort((high, low))
         place = np.empty(len(order), dtype=np.int32)
         place[order] = np.arange(len(order))
@@ -97,10 +97,10 @@ class Edges:
         image[above[below]] = mirrored
         number = np.full(self.ends.shape[1], -1, dtype=np.int32)
         number[inside] = above
-        one, other = np.triu_indices(4)
-        block_of = np.empty((len(self.stencils), len(one)), dtype=np.int32)
-        block_of[:, one < other] = number.take(self.edge_of)
-        block_of[:, one == other] = np.append(diagonal, -1).take(np.minimum(self.stencils, size))
+        row, other = np.triu_indices(4)
+        block_of = np.empty((len(self.stencils), len(row)), dtype=np.int32)
+        block_of[:, row < other] = number.take(self.edge_of)
+        block_of[:, row == other] = np.append(diagonal, -1).take(np.minimum(self.stencils, size))
         return Pattern(row_start.astype(np.int32), columns, diagonal, image, block_of)
 
 
@@ -134,13 +134,14 @@ def find_pieces(cells: np.ndarray, nodes: int) -> np.ndarray:
     """
     corners, label = np.ascontiguousarray(cells.T), np.arange(nodes)
     while True:
-        found = label.copy()
+        lowest_near = label.copy()
         lowest = np.minimum.reduce([label.take(corner) for corner in corners])
         for corner in corners:
-            np.minimum.at(found, corner, lowest)
-        np.minimum.at(found, label, found.copy())  # what a node has found, the one that names its piece has, too
-        while not np.array_equal(found, named := found.take(found)):
-            found = named
-        if np.array_equal(found, label):
+            np.minimum.at(lowest_near, corner, lowest)
+        # what a node has found, the one that names its piece has, too
+        np.minimum.at(lowest_near, label, lowest_near.copy())
+        while not np.array_equal(lowest_near, named := lowest_near.take(lowest_near)):
+            lowest_near = named
+        if np.array_equal(lowest_near, label):
             return label
-        label = found
+        label = lowest_near

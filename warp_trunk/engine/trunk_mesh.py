@@ -104,8 +104,8 @@ def check_tissue(tissue: np.ndarray, tets: int, name: str) -> None:
 def tet_volumes(nodes: np.ndarray, tets: np.ndarray) -> np.ndarray:
     """Signed volumes [mm^3] of tetrahedra, 1/6 P_ji . (P_ki x P_li), shape (tets,)."""
     along = np.ascontiguousarray(nodes.T)  # NumPy works several times as fast on long rows
-    i, *others = (along.take(corner, axis=1) for corner in tets.T)
-    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (other - i for other in others)
+    i, *edge_vectors = (along.take(corner, axis=1) for corner in tets.T)
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (other - i for other in edge_vectors)
     return (ax * (by * cz - bz * cy) + az * (bx * cy - by * cx) + ay * (bz * cx - bx * cz)) / 6.0  # bits of einsum
 
 

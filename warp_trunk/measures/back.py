@@ -147,7 +147,7 @@ class BackMeasures:
             noise = f"The points scatter by {scan.noise:.2g} mm about the skin"
             if scan.smoothed:
                 notes.append(f"{noise}, so they were smoothed; ± is the 95 % interval that this noise leaves.")
-        bridged = [level for level, one in self.levels.items() if one is not None and one.bridged]
+        bridged = [level for level, measures in self.levels.items() if measures is not None and measures.bridged]
         if bridged:
             notes.append(f"Something stands on the back at {', '.join(bridged)}, such as hair or a strap; "
                          "the skin under it is taken to go on smoothly.")  # fmt: skip
@@ -157,13 +157,13 @@ class BackMeasures:
         return (*notes, *(f"No rotation at {', '.join(names)}: {reason}." for reason, names in by_reason.items()))
 
     def measured(self) -> list[Measured]:
-        """The measures as rows of the state `back`, with the intervals that the noise of a scan leaves."""
+        """The back as rows of the state `back`, with the intervals that the noise of a scan leaves."""
         rows = []
         for level, height, rotation, slope, bent in self.rows():
-            one = self.levels[level]
+            back = self.levels[level]
             rows.append(Measured("back", level, "height_mm", height))
             for name, value in (("bsr_deg", rotation), ("atr_deg", slope)):
-                sd = math.nan if one is None else one.rotation_sd if name == "bsr_deg" else one.slope_sd(level)
+                sd = math.nan if back is None else back.rotation_sd if name == "bsr_deg" else back.slope_sd(level)
                 rows.append(
                     Measured.with_sd("back", level, name, value, sd)
                     if value is not None and sd > 0.0
@@ -174,12 +174,12 @@ class BackMeasures:
 
     def rows(self) -> list[tuple[str, float | None, float | None, float | None, float | None]]:
         """Level, height [mm], rotation, slope, and slope in the forward bend [degrees]."""
-        bent = forward_bend({name: one and one.slope for name, one in self.levels.items()})
+        bent = forward_bend({name: measures and measures.slope for name, measures in self.levels.items()})
         return [
             (name, None, None, None, None)
-            if one is None
-            else (name, one.height, one.rotation, one.slope, bent.get(name))
-            for name, one in self.levels.items()
+            if measures is None
+            else (name, measures.height, measures.rotation, measures.slope, bent.get(name))
+            for name, measures in self.levels.items()
         ]
 
 
@@ -221,9 +221,9 @@ def measure_back(
         way = aside - np.interp(centres[:, 2], centres[[-1, 0], 2], aside[[-1, 0]])
         turns, kind = np.radians(TURN) * way, "body line"
     else:
-        found = spine_of(spine)
-        levels, centres, kind = found.levels, found.centroids, "landmarks"
-        turns = pedicle_turns(found, across)
+        marked_spine = spine_of(spine)
+        levels, centres, kind = marked_spine.levels, marked_spine.centroids, "landmarks"
+        turns = pedicle_turns(marked_spine, across)
     cuts = [_piece(surface, centre) for centre in centres]
     places = [
         None if cut is None else spinous_place(cut, centre[:2], across, turn)
@@ -255,14 +255,14 @@ def measure_back(
             missing[level] = "what stands on the back is too wide to know the skin under it"
         elif unseen > UNSEEN:
             off = (np.square(away) / (2.0 * BENT)).reshape(-1, 2, 1) * behind
-            others = [cut + side * off for side in (1.0, -1.0)]
+            cuts_beside = [cut + side * off for side in (1.0, -1.0)]
             if tangent is not None:
-                turned = [tangent_of(other.reshape(-1, 2), centre, across) for other in others]
-                if any(one is None or abs(one.angle - tangent.angle) > CHANGE for one in turned):
+                turned = [tangent_of(other.reshape(-1, 2), centre, across) for other in cuts_beside]
+                if any(near is None or abs(near.angle - tangent.angle) > CHANGE for near in turned):
                     tangent = None
                     missing[level] = "it depends on the skin under what stands on the back"
-            slopes = [_slope(other, place, across, level) for other in others]
-            if slope is not None and any(one is None or abs(one - slope) > CHANGE for one in slopes):
+            slopes = [_slope(other, place, across, level) for other in cuts_beside]
+            if slope is not None and any(near is None or abs(near - slope) > CHANGE for near in slopes):
                 slope = None
         measured[level] = BackLevel(height, place, tangent, slope, error, unseen > UNSEEN)
     return BackMeasures(marks.pair.upper(), kind, measured, missing, scan)
@@ -330,9 +330,9 @@ def vertebrae_on_line(line: np.ndarray, markers: BackMarkers) -> np.ndarray:
 
 def _piece(surface: Surface, centre: np.ndarray) -> np.ndarray | None:
     """The piece of the section at the height of a vertebra that is nearest to it, segments (n, 2, 2) [mm]."""
-    found = pieces(surface, float(centre[2]))
-    away = [np.linalg.norm(piece.reshape(-1, 2) - centre[:2], axis=1).min() for piece in found]
-    return found[int(np.argmin(away))] if found else None
+    section = pieces(surface, float(centre[2]))
+    away = [np.linalg.norm(piece.reshape(-1, 2) - centre[:2], axis=1).min() for piece in section]
+    return section[int(np.argmin(away))] if section else None
 
 
 def _slope(cut: np.ndarray, place: np.ndarray, across: np.ndarray, level: str) -> float | None:

@@ -190,7 +190,7 @@ def find_contacts(outline: np.ndarray, spine: np.ndarray, across: np.ndarray) ->
     def beside(along: np.ndarray, places: np.ndarray) -> np.ndarray | None:
         aside = from_spine @ along  # positive to the left; along the back the hull runs from left to right
         crossed = [np.flatnonzero((aside[:-1] > x) & (aside[1:] <= x)) for x in places]
-        return np.array([edges[found[0]] for found in crossed]) if all(map(len, crossed)) else None
+        return np.array([edges[crossings[0]] for crossings in crossed]) if all(map(len, crossed)) else None
 
     return contacts_beside(spine, edges[away.argmin()], beside)
 
@@ -210,7 +210,7 @@ def contacts_beside(
     length = math.hypot(*along)
     along = along / length
     place = nearest[1] + min(max((spine - nearest[1]) @ along, 0.0), length) * along
-    found = None
+    contacts = None
     for _ in range(100):  # the perpendicular depends on the tangent: a fixed point, reached in a few steps
         straight = (place - spine) @ along
         places = min(max(0.0, straight - SPAN / 2.0), straight + SPAN / 2.0) + np.array([SPAN / 2.0, -SPAN / 2.0])
@@ -219,13 +219,13 @@ def contacts_beside(
             return None
         start, end = edges[:, 0], edges[:, 1]
         share = ((start - spine) @ along - places) / ((start - end) @ along)
-        found = Contacts(start + share[:, None] * (end - start), edges, nearest)
-        tangent = (found.points[0] - found.points[1]) / math.dist(*found.points)
+        contacts = Contacts(start + share[:, None] * (end - start), edges, nearest)
+        tangent = (contacts.points[0] - contacts.points[1]) / math.dist(*contacts.points)
         turned = turn(along, tangent)
         along = tangent
         if abs(turned) < 1e-10:
             break
-    return found
+    return contacts
 
 
 def _back_of_hull(points: np.ndarray, across: np.ndarray) -> np.ndarray | None:

@@ -49,13 +49,13 @@ def agreement(predicted: Surface, actual: Surface) -> tuple[dict[str, float], np
     """
     signed, counted = same_skin(predicted, actual)
     size, area = np.abs(signed)[counted], corner_areas(predicted)[counted]
-    found = {
+    measured_distances = {
         "distance_within_2_mm_percent": 100.0 * float(area[size <= NEAR].sum() / area.sum()),
         "distance_mean_mm": float(np.average(size, weights=area)),
         "distance_p95_mm": float(np.quantile(size, 0.95, weights=area, method="inverted_cdf")),
         "distance_maximum_mm": float(size.max()),
     }
-    return found, np.where(counted, signed, np.nan)
+    return measured_distances, np.where(counted, signed, np.nan)
 
 
 def agreement_rows(agreed: Mapping[str, float]) -> list[list[str]]:
@@ -134,13 +134,13 @@ def follow_points(
         else:
             way = motion_of(owner).apply(point) - point
         moved[name] = owner, point, way
-    found = []
+    followed = []
     for name, (owner, point, way) in moved.items():
         other = case.points.pairs.get(name, "")
         hard = moved[other][2] if other else np.zeros(3)
         ratio = float(way @ hard / (hard @ hard)) if np.linalg.norm(hard) > 1e-3 else None
-        found.append(FollowedPoint(name, owner, _place(point), _place(point + way), other, ratio))
-    return tuple(found)
+        followed.append(FollowedPoint(name, owner, _place(point), _place(point + way), other, ratio))
+    return tuple(followed)
 
 
 def _place(point: np.ndarray) -> Place:
@@ -163,18 +163,18 @@ def profile(places: Mapping[str, np.ndarray]) -> dict[str, float]:
     Args:
         places: points by name, in LPS [mm], shape (3,) each.
     """
-    found = {}
+    sizes = {}
     for name, corners in ANGLES.items():
         if places.keys() >= set(corners):
             first, corner, last = (places[point] for point in corners)
-            one, other = first - corner, last - corner
-            found[name] = math.degrees(math.atan2(float(np.linalg.norm(np.cross(one, other))), float(one @ other)))
+            a, b = first - corner, last - corner
+            sizes[name] = math.degrees(math.atan2(float(np.linalg.norm(np.cross(a, b))), float(a @ b)))
     if places.keys() >= set(LINE):
         (_, back, up), tip = places[LINE[1]] - places[LINE[0]], places[LINE[0]]
         for lip in {"upper_lip", "lower_lip"} & places.keys():
             _, behind, above = places[lip] - tip
-            found[f"{lip} in front of the E-line [mm]"] = float(behind * up - above * back) / math.hypot(back, up)
-    return dict(sorted(found.items()))
+            sizes[f"{lip} in front of the E-line [mm]"] = float(behind * up - above * back) / math.hypot(back, up)
+    return dict(sorted(sizes.items()))
 
 
 _STEP = 5.0
@@ -258,4 +258,4 @@ def _slab(points: np.ndarray, height: float, half: float) -> np.ndarray:
 def _columns(values: np.ndarray) -> list[np.ndarray]:
     """Which values (n,) lie in each column of width `_COLUMN`, shape (n,) bool each."""
     number = np.floor(values / _COLUMN)
-    return [number == one for one in np.unique(number)]
+    return [number == column for column in np.unique(number)]

@@ -101,14 +101,14 @@ def same_skin(skin: Surface, other: Surface) -> tuple[np.ndarray, np.ndarray]:
     return nearest.distance.astype(np.float64), counted
 
 
-def distance_statistics(there: SkinDistance, back: SkinDistance) -> dict[str, DistanceStatistics | None]:
+def distance_statistics(to_other: SkinDistance, back: SkinDistance) -> dict[str, DistanceStatistics | None]:
     """Statistics by region, from the distances of one skin to the other and back again; None for empty regions."""
-    found: dict[str, DistanceStatistics | None] = {}
-    for region, mask in there.regions.masks.items():
-        first = _counted(there, mask)
+    statistics: dict[str, DistanceStatistics | None] = {}
+    for region, mask in to_other.regions.masks.items():
+        first = _counted(to_other, mask)
         second = _counted(back, back.regions.masks[region])
-        found[region] = _statistics(*first, *second) if len(first[0]) and len(second[0]) else None
-    return found
+        statistics[region] = _statistics(*first, *second) if len(first[0]) and len(second[0]) else None
+    return statistics
 
 
 def _counted(distance: SkinDistance, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -161,12 +161,12 @@ class Regions:
         """The vertices of each region by name, (n,) bool: back, front and flanks, then the parts of each band."""
         inside = self.band >= 0
         back, flank = self.facing == 1, self.facing == 0
-        found = {"back": inside & back, "front": inside & (self.facing == -1), "flanks": inside & flank}
+        mask_of = {"back": inside & back, "front": inside & (self.facing == -1), "flanks": inside & flank}
         for number, band in enumerate(BANDS):
             for part, faces in (("back", back), ("flank", flank)):
                 for side, where in (("left", self.to_left), ("right", ~self.to_left)):
-                    found[f"{band}, {part} {side}"] = (self.band == number) & faces & where
-        return found
+                    mask_of[f"{band}, {part} {side}"] = (self.band == number) & faces & where
+        return mask_of
 
 
 def regions_of(skin: Surface, landmarks: Landmarks) -> Regions:
@@ -185,15 +185,15 @@ def regions_of(skin: Surface, landmarks: Landmarks) -> Regions:
     """
     across, spine = asis_axis(landmarks), spine_of(landmarks)
     behind = np.array([-across[1], across[0]])
-    known = [i for i, level in enumerate(spine.levels) if any(level in levels for levels in BANDS.values())]
-    if not known:
+    judged = [i for i, level in enumerate(spine.levels) if any(level in levels for levels in BANDS.values())]
+    if not judged:
         raise InputError(
             "landmarks: no vertebra from T1 to L5 has a landmark; regions are assigned by the nearest one"
         )
-    centroids = spine.centroids[known]
+    centroids = spine.centroids[judged]
     level = _nearest_level(skin.vertices[:, 2], centroids[:, 2])
     number = {name: i for i, names in enumerate(BANDS.values()) for name in names}
-    bands = np.array([*(number[spine.levels[i]] for i in known), -1])
+    bands = np.array([*(number[spine.levels[i]] for i in judged), -1])
     normals = vertex_normals(skin)
     upward = np.argsort(centroids[:, 2])
     heights, line = centroids[upward, 2], centroids[upward, :2]
@@ -287,12 +287,12 @@ def compare_skins(
     Raises:
         InputError: no ASIS, or no vertebra, among the landmarks, or a skin that is open at a level.
     """
-    ours, theirs = rotations or (
+    ours, actual_rotations = rotations or (
         {level: tangent and tangent.angle for level, tangent in back_surface_rotation(skin, landmarks).items()}
         for skin in (predicted, actual)
     )
     angles = {
-        level: None if angle is None or (other := theirs[level]) is None else (angle, other)
+        level: None if angle is None or (other := actual_rotations[level]) is None else (angle, other)
         for level, angle in ours.items()
     }
     distance = skin_distance(predicted, actual, landmarks)
@@ -316,21 +316,21 @@ def comparison_rows(comparison: SkinComparison) -> list[Measured]:
             (f"bsr_error_{part}_deg", name, error and getattr(error, part))
             for part in ("mean", "sd", "of_maximum")
         ]
-    for region, found in comparison.distance.items():
-        rows.append(("area_cm2", region, found and found.area))
-        rows += [(f"distance_{part}_mm", region, found and getattr(found, part)) for part in _DISTANCES]
+    for region, statistics in comparison.distance.items():
+        rows.append(("area_cm2", region, statistics and statistics.area))
+        rows += [(f"distance_{part}_mm", region, statistics and getattr(statistics, part)) for part in _DISTANCES]
     return [Measured("error", level, quantity, value) for quantity, level, value in rows]
 
 
 def bsr_error(angles: Mapping[str, tuple[float, float] | None], levels: tuple[str, ...]) -> BsrError | None:
     """Error of the predicted rotations over some levels, from predicted and actual by level [degrees]."""
-    known = {level: pair for level in levels if (pair := angles.get(level)) is not None}
-    if not known:
+    pairs = {level: pair for level in levels if (pair := angles.get(level)) is not None}
+    if not pairs:
         return None
-    predicted, actual = np.array(list(known.values())).T
+    predicted, actual = np.array(list(pairs.values())).T
     size, largest = np.abs(predicted - actual), int(np.abs(actual).argmax())
     return BsrError(
-        levels=tuple(known),
+        levels=tuple(pairs),
         mean=float(size.mean()),
         sd=float(size.std(ddof=1)) if len(size) > 1 else None,
         of_maximum=float(np.copysign(1.0, actual[largest]) * (predicted - actual)[largest]),

@@ -66,10 +66,10 @@ def rotation_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent
 
     contacts, rows = tangent.contacts, landmarks.rows_of(level)
     bridge = np.array_equal(*contacts.edges)
-    kept, edges, cuts = _cut(skin, landmarks.points[rows, 2].mean())
+    triangles, edges, cuts = _cut(skin, landmarks.points[rows, 2].mean())
     corners = np.concatenate([*contacts.edges, contacts.nearest])
     touched = edges[KDTree(cuts).query(corners)[1]]
-    used = np.unique(skin.faces[kept])
+    used = np.unique(skin.faces[triangles])
 
     def angle(part: Surface, marks: Landmarks) -> float:
         centroid = marks.points[rows].mean(axis=0)
@@ -77,11 +77,11 @@ def rotation_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent
             3, 2, 2
         )
         beside = np.stack([left, right])
-        found = None if bridge else contacts_beside(centroid[:2], nearest, lambda *_: beside)
-        points = left if bridge else np.full((2, 2), np.nan) if found is None else found.points
+        contacts = None if bridge else contacts_beside(centroid[:2], nearest, lambda *_: beside)
+        points = left if bridge else np.full((2, 2), np.nan) if contacts is None else contacts.points
         return -math.degrees(turn(asis_axis(marks), points[0] - points[1]))
 
-    return _by_differences(angle, tangent.angle, skin, landmarks, kept, touched.ravel(), rows)
+    return _by_differences(angle, tangent.angle, skin, landmarks, triangles, touched.ravel(), rows)
 
 
 def hump_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent: DualTangent) -> Derivative | None:
@@ -95,18 +95,18 @@ def hump_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent: Du
     if top is None:
         return None
     rows = landmarks.rows_of(level)
-    kept, edges, cuts = _cut(skin, landmarks.points[rows, 2].mean())
+    triangles, edges, cuts = _cut(skin, landmarks.points[rows, 2].mean())
     longest = np.linalg.norm(np.subtract(*skin.vertices[edges].swapaxes(0, 1)), axis=1).max()
     near = np.concatenate(KDTree(cuts).query_ball_point(top[1], longest)).astype(int)
 
     def height(part: Surface, marks: Landmarks) -> float:
         centroid = marks.points[rows].mean(axis=0)
         outline = trunk_loop(section(part, float(centroid[2])), centroid[:2])
-        found = None if outline is None else tangent_of(outline, centroid, asis_axis(marks))
-        hump = None if found is None else hump_height(found)
+        tangent_here = None if outline is None else tangent_of(outline, centroid, asis_axis(marks))
+        hump = None if tangent_here is None else hump_height(tangent_here)
         return np.nan if hump is None else hump
 
-    return _by_differences(height, top[0], skin, landmarks, kept, edges[near].ravel(), rows)
+    return _by_differences(height, top[0], skin, landmarks, triangles, edges[near].ravel(), rows)
 
 
 def slope_derivative(skin: Surface, landmarks: Landmarks, level: str, slope: float) -> Derivative | None:
@@ -121,7 +121,7 @@ def slope_derivative(skin: Surface, landmarks: Landmarks, level: str, slope: flo
     from scipy.spatial import KDTree  # heavy
 
     rows = landmarks.rows_of(level)
-    kept, edges, cuts = _cut(skin, landmarks.points[rows, 2].mean())
+    triangles, edges, cuts = _cut(skin, landmarks.points[rows, 2].mean())
 
     def places(part: Surface, marks: Landmarks) -> np.ndarray | None:
         own = spine_of(Landmarks(tuple(marks.names[row] for row in rows), marks.points[rows]))
@@ -130,16 +130,16 @@ def slope_derivative(skin: Surface, landmarks: Landmarks, level: str, slope: flo
         turned = float(pedicle_turns(own, across)[0])
         return None if outline is None else scoliometer_on(outline, centre[:2], across, turned, level)
 
-    found = places(skin, landmarks)
-    if found is None:
+    ends_before = places(skin, landmarks)
+    if ends_before is None:
         return None
 
     def angle(part: Surface, marks: Landmarks) -> float:
         ends = places(part, marks)
         return np.nan if ends is None else slope_between(ends, asis_axis(marks))
 
-    near = np.unique(KDTree(cuts).query(found, k=min(_NEAREST, len(cuts)))[1])
-    return _by_differences(angle, slope, skin, landmarks, kept, edges[near].ravel(), *([row] for row in rows))
+    near = np.unique(KDTree(cuts).query(ends_before, k=min(_NEAREST, len(cuts)))[1])
+    return _by_differences(angle, slope, skin, landmarks, triangles, edges[near].ravel(), *([row] for row in rows))
 
 
 def shoulder_derivative(skin: Surface, landmarks: Landmarks, shoulders: Shoulders) -> Derivative:
@@ -159,9 +159,9 @@ def shoulder_derivative(skin: Surface, landmarks: Landmarks, shoulders: Shoulder
 
     rows = landmarks.rows_of("T1")
     low = landmarks.points[rows, 2].mean() - DEEP - _MARGIN
-    kept = (skin.vertices[skin.faces, 2] > low).all(axis=1)
+    triangles = (skin.vertices[skin.faces, 2] > low).all(axis=1)
     touched = [*outline.ends.ravel(), outline.edge]
-    return _by_differences(difference, shoulders.difference, skin, landmarks, kept, touched, rows)
+    return _by_differences(difference, shoulders.difference, skin, landmarks, triangles, touched, rows)
 
 
 def waist_derivatives(skin: Surface, landmarks: Landmarks) -> dict[str, Derivative]:
@@ -210,9 +210,9 @@ def waist_derivatives(skin: Surface, landmarks: Landmarks) -> dict[str, Derivati
             continue
         points = landmarks.points.copy()
         points[row, axis] += DIFFERENCE_STEP
-        there, _, level = outline_of(replace(landmarks, points=points))
-        if there is not None and len(there.heights) == len(heights):
-            by_landmark[:, row, axis] = (numbers(there.heights, there.widths, level) - values) / DIFFERENCE_STEP
+        moved, _, level = outline_of(replace(landmarks, points=points))
+        if moved is not None and len(moved.heights) == len(heights):
+            by_landmark[:, row, axis] = (numbers(moved.heights, moved.widths, level) - values) / DIFFERENCE_STEP
     return {
         name: Derivative(float(values[i]), by_vertex[i], by_landmark[i])
         for i, name in enumerate(("waist_depth_mm", "waist_height_mm"))
@@ -222,10 +222,10 @@ def waist_derivatives(skin: Surface, landmarks: Landmarks) -> dict[str, Derivati
 def _cut(skin: Surface, height: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Which triangles are near a horizontal plane, the edges (n, 2) that it cuts, and where, (n, 2) [mm]."""
     z = skin.vertices[:, 2]
-    kept = (z[skin.faces].min(axis=1) < height + _MARGIN) & (z[skin.faces].max(axis=1) > height - _MARGIN)
-    edges = np.concatenate([skin.faces[kept][:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
+    triangles = (z[skin.faces].min(axis=1) < height + _MARGIN) & (z[skin.faces].max(axis=1) > height - _MARGIN)
+    edges = np.concatenate([skin.faces[triangles][:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
     edges = edges[(z[edges[:, 0]] >= height) != (z[edges[:, 1]] >= height)]
-    return kept, edges, at_height(skin.vertices[edges], height)
+    return triangles, edges, at_height(skin.vertices[edges], height)
 
 
 def _by_differences(
@@ -233,25 +233,25 @@ def _by_differences(
     value: float,
     skin: Surface,
     landmarks: Landmarks,
-    kept: np.ndarray,
+    triangles: np.ndarray,
     vertices: Sequence[int] | np.ndarray,
     *groups: Sequence[int],
 ) -> Derivative:
     """A measured value with differences of its number on some triangles, in some vertices and the iliac spines,
     and in groups of landmarks, of each of which the mean counts."""
-    part, used = compact(skin.vertices, skin.faces[kept]), np.unique(skin.faces[kept])
-    found = Derivative(value, np.zeros_like(skin.vertices), np.zeros_like(landmarks.points))
+    part, used = compact(skin.vertices, skin.faces[triangles]), np.unique(skin.faces[triangles])
+    derivative = Derivative(value, np.zeros_like(skin.vertices), np.zeros_like(landmarks.points))
     start = number(part, landmarks)  # of some triangles; rounded otherwise than the value
 
     def slope(rows: Sequence[int], axis: int, points: np.ndarray, by_skin: bool) -> float:
         moved = points.copy()
         moved[rows, axis] += DIFFERENCE_STEP
-        there = (Surface(moved, part.faces), landmarks) if by_skin else (part, replace(landmarks, points=moved))
-        return (number(*there) - start) / DIFFERENCE_STEP
+        state = (Surface(moved, part.faces), landmarks) if by_skin else (part, replace(landmarks, points=moved))
+        return (number(*state) - start) / DIFFERENCE_STEP
 
     for vertex, axis in product(np.unique(vertices).tolist(), range(3)):
-        found.vertices[vertex, axis] = slope([int(np.searchsorted(used, vertex))], axis, part.vertices, True)
+        derivative.vertices[vertex, axis] = slope([int(np.searchsorted(used, vertex))], axis, part.vertices, True)
     spines = [landmarks.index(name) for name in _ILIAC]
     for together, axis in product([*groups, spines[:1], spines[1:]], range(3)):
-        found.landmarks[together, axis] = slope(together, axis, landmarks.points, False) / len(together)
-    return found
+        derivative.landmarks[together, axis] = slope(together, axis, landmarks.points, False) / len(together)
+    return derivative

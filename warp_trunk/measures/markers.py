@@ -58,13 +58,13 @@ def back_markers(*tables: Landmarks | None, what: str = "markers", spine: bool =
     Raises:
         InputError: a marker is missing, left and right are exchanged, or C7 is not above the pelvis.
     """
-    given = [table for table in tables if table is not None]
-    marks = {name.lower(): table.point(name) for table in given for name in table.names}
-    pair = next((one for one in FOOT if {f"{one}_left", f"{one}_right"} <= marks.keys()), None)
+    present = [table for table in tables if table is not None]
+    marks = {name.lower(): table.point(name) for table in present for name in table.names}
+    pair = next((stem for stem in FOOT if {f"{stem}_left", f"{stem}_right"} <= marks.keys()), None)
     if pair is None or (spine and "c7" not in marks):
         needed = f"{'C7, ' if spine else ''}PSIS_left and PSIS_right (or ASIS_left and ASIS_right)"
-        there = ", ".join(name for table in given for name in table.names) or "none"
-        raise InputError(f"{what}: needs {needed}, and has {there}; add what is missing")
+        names = ", ".join(name for table in present for name in table.names) or "none"
+        raise InputError(f"{what}: needs {needed}, and has {names}; add what is missing")
     left, right = marks[f"{pair}_left"], marks[f"{pair}_right"]
     aside, least = left[0] - right[0], max(20.0, 0.5 * float(np.linalg.norm(left - right)))
     if not aside >= least:

@@ -178,7 +178,7 @@ def measure(
 
     expect(skin, Surface, "measure: 'skin'", "read it with read_surface")
     expect(landmarks, Landmarks, "measure: 'landmarks'", "give those of the case, or read_landmarks")
-    found = measure_spine(landmarks)
+    measures = measure_spine(landmarks)
     if before is not None:
         if before.vertices.shape != skin.vertices.shape:
             raise InputError(
@@ -189,10 +189,10 @@ def measure(
         change = np.sqrt(np.einsum("vi,vi->v", moved, moved))
         if unseen is not None:
             change = change[np.asarray(unseen) < 0.5]
-        found = replace(found, skin_change_max=float(change.max()), skin_change_mean=float(change.mean()))
-    line, spine = found.sacral_line, found.spine
+        measures = replace(measures, skin_change_max=float(change.max()), skin_change_mean=float(change.mean()))
+    line, spine = measures.sacral_line, measures.spine
     if line is None:
-        return found
+        return measures
     outlines, missing = outlines_of(skin, spine)
     seen = None if unseen is None else _seen_points(skin, unseen, outlines, spine)
     tangents = tangents_of(outlines, spine, line.across, seen)
@@ -204,11 +204,11 @@ def measure(
     shoulders = None if outlines.get("T1") is None else shoulder_heights(skin, spine, line.across)
     pelvis = 0.5 * (landmarks.point("asis_left") + landmarks.point("asis_right"))[2]
     waist = waist_of(skin, spine, line, float(pelvis))
-    missing |= found.missing
+    missing |= measures.missing
     if shoulders is None:
         missing["shoulders"] = "no skin on both sides of T1" if "T1" in spine.levels else "no landmarks of T1"
-    found = replace(
-        found,
+    measures = replace(
+        measures,
         outlines=outlines,
         tangents=tangents,
         slopes=slopes_of(outlines, spine, line.across),
@@ -217,8 +217,8 @@ def measure(
         missing=missing,
     )
     if unseen is None or seen is None:
-        return found
-    return _on_seen_skin(found, skin, np.asarray(unseen) > 0.5, seen, float(pelvis))
+        return measures
+    return _on_seen_skin(measures, skin, np.asarray(unseen) > 0.5, seen, float(pelvis))
 
 
 INVENTED = "it is on skin that was not measured"
@@ -226,7 +226,7 @@ INVENTED = "it is on skin that was not measured"
 
 
 def _on_seen_skin(
-    found: TrunkMeasures, skin: Surface, unseen: np.ndarray, seen: dict[str, np.ndarray], pelvis: float
+    measures: TrunkMeasures, skin: Surface, unseen: np.ndarray, seen: dict[str, np.ndarray], pelvis: float
 ) -> TrunkMeasures:
     """The measures without those that lie on skin that was not measured.
 
@@ -234,33 +234,33 @@ def _on_seen_skin(
     places, most of them.
 
     Args:
-        found: the measures; the tangents are those of the measured back already.
+        measures: the measures; the tangents are those of the measured back already.
         skin: the skin [mm].
         unseen: which of its vertices were not measured, bool, shape (vertices,).
         seen: which points of the outline of each level were, bool, shape (points,).
         pelvis: height of the iliac spines [mm].
     """
-    line, missing, humps, flanks = found.sacral_line, dict(found.missing), set[str](), set[str]()
-    for level, outline in found.outlines.items():
+    line, missing, humps, flanks = measures.sacral_line, dict(measures.missing), set[str](), set[str]()
+    for level, outline in measures.outlines.items():
         if outline is None or line is None:
             continue
         across = outline @ line.across
         if not seen[level][[across.argmax(), across.argmin()]].all():
             flanks.add(level)
-        tangent = found.tangents.get(level)
+        tangent = measures.tangents.get(level)
         top = None if tangent is None else hump_top(tangent)
         for place in () if top is None else top[1]:
             if not seen[level][np.square(outline - place).sum(axis=1).argmin()]:
                 humps.add(level)
-    waist, shoulders = found.waist, found.shoulders
-    silhouette = None if line is None else silhouette_of(skin, found.spine, line, pelvis)
+    waist, shoulders = measures.waist, measures.shoulders
+    silhouette = None if line is None else silhouette_of(skin, measures.spine, line, pelvis)
     if silhouette is not None and unseen[silhouette.edges].mean() > 0.5:
         waist, missing["waist"] = None, INVENTED
-    upper = None if line is None else upper_outline(skin, found.spine, line.across)
+    upper = None if line is None else upper_outline(skin, measures.spine, line.across)
     if upper is not None and unseen[upper.ends].mean() > 0.5:
         shoulders, missing["shoulders"] = None, INVENTED
-    kept = {"waist": waist, "shoulders": shoulders, "missing": missing}
-    return replace(found, unseen_humps=frozenset(humps), unseen_flanks=frozenset(flanks), **kept)
+    on_seen_skin = {"waist": waist, "shoulders": shoulders, "missing": missing}
+    return replace(measures, unseen_humps=frozenset(humps), unseen_flanks=frozenset(flanks), **on_seen_skin)
 
 
 def _seen_points(
@@ -269,13 +269,13 @@ def _seen_points(
     """By level which points of its outline lie nearest to a vertex that a scan showed, bool, shape (points,)."""
     from scipy.spatial import KDTree  # heavy
 
-    tree, found = KDTree(skin.vertices), {}
+    tree, seen_points = KDTree(skin.vertices), {}
     for level, height in zip(spine.levels, spine.centroids[:, 2], strict=True):
         outline = outlines[level]
         points = np.empty((0, 2)) if outline is None else outline
         nearest = tree.query(np.column_stack([points, np.full(len(points), height)]))[1] if len(points) else []
-        found[level] = np.asarray(unseen)[nearest] < 0.5 if len(points) else np.zeros(0, dtype=bool)
-    return found
+        seen_points[level] = np.asarray(unseen)[nearest] < 0.5 if len(points) else np.zeros(0, dtype=bool)
+    return seen_points
 
 
 def measure_level(
@@ -311,7 +311,7 @@ def measure_spine(landmarks: Landmarks, expected_error: float = 0.0) -> TrunkMea
     line = sacral_line(landmarks) if landmarks.names else None
     rotation = {} if line is None else axial_rotation(spine, line.across)
     curves, tilts = curves_of(spine), tilts_of(spine)
-    found = TrunkMeasures(
+    measures = TrunkMeasures(
         spine=spine,
         cobb=curves,
         apices=() if line is None else apical_vertebrae(spine, curves, rotation, line),
@@ -325,19 +325,19 @@ def measure_spine(landmarks: Landmarks, expected_error: float = 0.0) -> TrunkMea
         trunk_shift=None if line is None else trunk_shift(spine, line),
         sacral_line=line,
     )
-    return found if line is None else replace(found, missing=_missing_of_spine(found))
+    return measures if line is None else replace(measures, missing=_missing_of_spine(measures))
 
 
-def _missing_of_spine(found: TrunkMeasures) -> dict[str, str]:
+def _missing_of_spine(measures: TrunkMeasures) -> dict[str, str]:
     """Why a measure of the whole spine could not be taken."""
     reasons = {}
-    if found.trunk_shift is None:
+    if measures.trunk_shift is None:
         reasons["trunk_shift"] = "no landmarks of C7 or T1"
-    for name, angles in (("kyphosis", found.kyphosis), ("lordosis", found.lordosis)):
+    for name, angles in (("kyphosis", measures.kyphosis), ("lordosis", measures.lordosis)):
         for ends, angle in angles.items():
             if angle is None:
-                without = [e for e in ends.split("-") if not np.isfinite(found.spine.endplates_of(e)).all()]
+                without = [e for e in ends.split("-") if not np.isfinite(measures.spine.endplates_of(e)).all()]
                 reasons[f"{name} {ends}"] = f"no landmarks on both endplates of {' or '.join(without)}"
-    if found.spine_height is None:
+    if measures.spine_height is None:
         reasons["spine_height"] = "no landmarks on the upper endplate of T1, or below on S1 or L5"
     return reasons

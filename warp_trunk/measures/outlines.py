@@ -156,14 +156,14 @@ def silhouette_of(skin: Surface, spine: Spine, line: SacralLine, pelvis: float) 
     edge = np.repeat(cut, count)
     row = np.repeat(low[cut] - np.cumsum(count) + count, count) + np.arange(count.sum())
     a, b = start[edge], end[edge]
-    there = aside[a] + (heights[row] - z[a]) / (z[b] - z[a]) * (aside[b] - aside[a])
+    aside_at_height = aside[a] + (heights[row] - z[a]) / (z[b] - z[a]) * (aside[b] - aside[a])
     if len(np.unique(row)) < len(heights):  # no skin at a height
         return None
-    orders = [np.lexsort((side, row)) for side in (there, -there)]
+    orders = [np.lexsort((side, row)) for side in (aside_at_height, -aside_at_height)]
     outer = np.array(
         [order[np.searchsorted(row[order], np.arange(len(heights)), "right") - 1] for order in orders]
     )
-    return Silhouette(heights, there[outer] * [[1.0], [-1.0]], np.stack([a[outer], b[outer]], axis=2))
+    return Silhouette(heights, aside_at_height[outer] * [[1.0], [-1.0]], np.stack([a[outer], b[outer]], axis=2))
 
 
 def waist_of(skin: Surface, spine: Spine, line: SacralLine, pelvis: float) -> Waist | None:
@@ -214,8 +214,8 @@ def hollows(heights: np.ndarray, widths: np.ndarray, pelvis: float) -> Waist:
 
 def _angle_at(row: int, heights: np.ndarray, widths: np.ndarray) -> float:
     """Angle at a point of an outline between the lines that touch it above and below [degrees]; 180 at an end."""
-    others = np.arange(len(heights)) != row
-    rise = (widths[others] - widths[row]) / np.abs(heights[others] - heights[row])
+    other_rows = np.arange(len(heights)) != row
+    rise = (widths[other_rows] - widths[row]) / np.abs(heights[other_rows] - heights[row])
     sides = rise[:row], rise[row:]
     if not all(map(len, sides)):
         return 180.0
@@ -320,8 +320,8 @@ def upper_outline(skin: Surface, spine: Spine, across: np.ndarray) -> UpperOutli
         if not len(crossed):
             return None
         low, high = above[start[crossed]], above[end[crossed]]
-        there = low + (place - a[crossed]) / (b[crossed] - a[crossed]) * (high - low)
-        highest = int(np.argmax(there))
-        heights.append(there[highest])
+        aside_at_height = low + (place - a[crossed]) / (b[crossed] - a[crossed]) * (high - low)
+        highest = int(np.argmax(aside_at_height))
+        heights.append(aside_at_height[highest])
         ends.append((start[crossed[highest]], end[crossed[highest]]))
     return UpperOutline(edge, float(reach), np.reshape(heights, (2, PLACES)), np.reshape(ends, (2, PLACES, 2)))

@@ -287,10 +287,10 @@ class MeasureTable:
 
     @cached_property
     def _columns(self) -> dict[tuple[str, str], dict[str, Measured]]:
-        found: dict[tuple[str, str], dict[str, Measured]] = {}
+        columns: dict[tuple[str, str], dict[str, Measured]] = {}
         for row in self.rows:
-            found.setdefault((row.state, row.quantity), {})[row.level] = row
-        return found
+            columns.setdefault((row.state, row.quantity), {})[row.level] = row
+        return columns
 
     def column(self, state: str, quantity: str) -> dict[str, Measured]:
         """The rows of a quantity in a state, by level, top to bottom."""
@@ -325,15 +325,15 @@ class MeasureTable:
 
     def larger(self, state: str, quantity: str, level: str, levels: Sequence[str] = JUDGED) -> Measured | None:
         """The row of the largest of some levels where that is more than at a level, as it is shown; else None."""
-        here, largest = self.value(state, quantity, level), largest_at(self.values(state, quantity), levels)
+        value, largest = self.value(state, quantity, level), largest_at(self.values(state, quantity), levels)
         row = None if largest is None else self.row(state, quantity, largest)
-        if row is None or row.value is None or here is None or round(abs(row.value)) <= round(abs(here)):
+        if row is None or row.value is None or value is None or round(abs(row.value)) <= round(abs(value)):
             return None
         return row
 
-    def with_rows(self, known: Iterable[Measured]) -> MeasureTable:
+    def with_rows(self, replacements: Iterable[Measured]) -> MeasureTable:
         """The table with other rows in place of those of the same state, level and quantity, or after all."""
-        new = {(row.state, row.level, row.quantity): row for row in known}
+        new = {(row.state, row.level, row.quantity): row for row in replacements}
         rows = [new.pop((row.state, row.level, row.quantity), row) for row in self.rows]
         return MeasureTable([*rows, *new.values()])
 
@@ -341,12 +341,12 @@ class MeasureTable:
         """The table with the intervals of rows of the same state, level and quantity, whose values stay its own;
         rows of other states come after all."""
         new = {(row.state, row.level, row.quantity): row for row in rows}
-        known = {(row.state, row.level, row.quantity): row for row in self.rows}
-        kept = [
+        own_keys = {(row.state, row.level, row.quantity): row for row in self.rows}
+        rows_with_intervals = [
             row if (by := new.get(key)) is None else replace(row, low=by.low, high=by.high)
-            for key, row in known.items()
+            for key, row in own_keys.items()
         ]
-        return MeasureTable([*kept, *(row for key, row in new.items() if key not in known)])
+        return MeasureTable([*rows_with_intervals, *(row for key, row in new.items() if key not in own_keys)])
 
     def to_rows(self) -> list[dict[str, Any]]:
         """The rows as dictionaries of `COLUMNS`; a number that is not known is None."""

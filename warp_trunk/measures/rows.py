@@ -69,10 +69,10 @@ class MeasureRow:
     @property
     def differs(self) -> bool | None:
         """Whether the states after the first can be distinguished by it; None where one value is missing."""
-        known = [value for value in self.values[1:] if value is not None]
-        if len(known) < len(self.values) - 1:
+        values = [value for value in self.values[1:] if value is not None]
+        if len(values) < len(self.values) - 1:
             return None
-        return max(known) - min(known) >= self.quantity.detectable
+        return max(values) - min(values) >= self.quantity.detectable
 
     def is_known(self, state: int) -> bool:
         """Whether its value in a state, by number, is there and says more than its interval is wide."""
@@ -160,7 +160,7 @@ def curve_heading(curve: CobbAngle, apex: ApicalVertebra) -> str:
 
 def level_rows(table: MeasureTable, states: Sequence[str] = STATES) -> list[MeasureRow]:
     """The rotation of the back at every vertebra, also where no state has it."""
-    return [row for row in _rows("level", table, states, known=False) if row.quantity.key == "bsr_deg"]
+    return [row for row in _rows("level", table, states, only_known=False) if row.quantity.key == "bsr_deg"]
 
 
 def rotation_table(
@@ -171,23 +171,23 @@ def rotation_table(
     bands: bool = False,
 ) -> list[list[str]]:
     """The rotation of the back [degrees], a row for each level, with its interval where that is asked for."""
-    known, lines = table.column(PREDICTED, "bsr_deg"), []
+    predicted, lines = table.column(PREDICTED, "bsr_deg"), []
     for row in level_rows(table, states):
-        ends = [row.text(end) for end in (known[row.level].low, known[row.level].high)] if bands else []
+        ends = [row.text(end) for end in (predicted[row.level].low, predicted[row.level].high)] if bands else []
         lines.append([row.level, *cells(row)[1:], *ends])
     return lines
 
 
-def _rows(group: str, table: MeasureTable, states: Sequence[str], *, known: bool = True) -> list[MeasureRow]:
+def _rows(group: str, table: MeasureTable, states: Sequence[str], *, only_known: bool = True) -> list[MeasureRow]:
     """The rows of a group of quantities; those that no state has are left out where only what is known counts."""
-    found = []
+    rows = []
     for quantity in quantities_of(group):
         columns = [table.column(state, quantity.key) for state in states]
         for level in dict.fromkeys(level for column in columns for level in column):
             row = MeasureRow(quantity=quantity, level=level, numbers=tuple(c.get(level) for c in columns))
-            if not known or any(value is not None for value in row.values):
-                found.append(row)
-    return found
+            if not only_known or any(value is not None for value in row.values):
+                rows.append(row)
+    return rows
 
 
 RESEARCH = "A research simulation, not for clinical use."
@@ -251,12 +251,12 @@ def comparison_text(comparison: SkinComparison) -> str:
     ]
     lines += [", ".join(differences[first : first + 6]) for first in range(0, len(differences), 6)]
     distances = [
-        [region, f"{found.area:.0f}", f"{found.signed_mean:+z.2f}"]
-        + [f"{value:.2f}" for value in (found.mean, found.rms, found.p95, found.maximum)]
-        + [f"{value:.2f}" for value in (found.symmetric_mean, found.symmetric_maximum)]
-        if found
+        [region, f"{statistics.area:.0f}", f"{statistics.signed_mean:+z.2f}"]
+        + [f"{value:.2f}" for value in (statistics.mean, statistics.rms, statistics.p95, statistics.maximum)]
+        + [f"{value:.2f}" for value in (statistics.symmetric_mean, statistics.symmetric_maximum)]
+        if statistics
         else [region, *[MISSING] * 8]
-        for region, found in comparison.distance.items()
+        for region, statistics in comparison.distance.items()
     ]
     head = ["region", "area", "signed", "mean", "rms", "95 %", "max", "mean", "max"]
     return "\n".join(

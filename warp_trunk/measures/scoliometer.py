@@ -85,13 +85,13 @@ def slopes_of(
     Returns:
         Top to bottom; None where it is missing.
     """
-    found: dict[str, float | None] = {}
+    slopes: dict[str, float | None] = {}
     turns = pedicle_turns(spine, across)
     for level, centre, turn in zip(spine.levels, spine.centroids, turns, strict=True):
         outline = outlines.get(level)
         ends = None if outline is None else scoliometer_on(outline, centre[:2], across, turn, level)
-        found[level] = None if ends is None else slope_between(ends, across)
-    return found
+        slopes[level] = None if ends is None else slope_between(ends, across)
+    return slopes
 
 
 def pedicle_turns(spine: Spine, across: np.ndarray) -> np.ndarray:
@@ -115,8 +115,8 @@ def forward_bend(standing: Mapping[str, float | None]) -> dict[str, float | None
     Returns:
         None where a standing level is missing.
     """
-    found: dict[str, float | None] = {}
+    readings: dict[str, float | None] = {}
     for level, levels in BENT.items():
-        slopes = [value for one in levels if (value := standing.get(one)) is not None]
-        found[level] = sum(slopes) / len(slopes) if len(slopes) == len(levels) else None
-    return found
+        slopes = [value for near_level in levels if (value := standing.get(near_level)) is not None]
+        readings[level] = sum(slopes) / len(slopes) if len(slopes) == len(levels) else None
+    return readings

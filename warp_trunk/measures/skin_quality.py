@@ -181,9 +181,9 @@ def _neighbours(faces: np.ndarray) -> np.ndarray:
 def _angles(surface: Surface, pairs: np.ndarray) -> np.ndarray:
     """Angle between the normals of two neighbouring triangles [degrees], from 0, shape (pairs,)."""
     normal = unit(area_vectors(surface.vertices, surface.faces))
-    one, other = normal[pairs[:, 0]], normal[pairs[:, 1]]
-    sine = np.linalg.norm(np.cross(one, other), axis=1)  # exact for small angles, where the cosine is not
-    return np.degrees(np.arctan2(sine, np.einsum("ij,ij->i", one, other)))
+    first_normal, other = normal[pairs[:, 0]], normal[pairs[:, 1]]
+    sine = np.linalg.norm(np.cross(first_normal, other), axis=1)  # exact for small angles, where the cosine is not
+    return np.degrees(np.arctan2(sine, np.einsum("ij,ij->i", first_normal, other)))
 
 
 def _place(point: np.ndarray, landmarks: Landmarks | None, bones: Mapping[str, Surface]) -> str:

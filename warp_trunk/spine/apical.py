@@ -60,7 +60,7 @@ def apical_vertebrae(
         rotation: axial rotation by level [degrees], as `axial_rotation` gives it.
         line: see `sacral_line`.
     """
-    found = []
+    apical = []
     apices = [-1, *(spine.levels.index(curve.apex) for curve in curves), len(spine.levels)]
     for (above, apex), below in zip(pairwise(apices), apices[2:], strict=False):
         level = spine.levels[apex]
@@ -69,7 +69,7 @@ def apical_vertebrae(
             top = top_of_spine(spine)
             point, through = (None, "T1") if top is None else (spine.centroids[spine.levels.index(top), :2], top)
         to_left = None if point is None else float((spine.centroids[apex, :2] - point) @ line.across)
-        found.append(
+        apical.append(
             ApicalVertebra(
                 level=level,
                 rotation=rotation[level],
@@ -79,17 +79,17 @@ def apical_vertebrae(
                 neutral_below=_neutral(spine.levels[apex:below], rotation),
             )
         )
-    return tuple(found)
+    return tuple(apical)
 
 
 def _neutral(outward: Sequence[str], rotation: Mapping[str, float | None]) -> str | None:
     """The neutral vertebra among levels in order, from the apex outwards."""
     apex = rotation[outward[0]]
-    known = {level: turned for level in outward[1:] if (turned := rotation[level]) is not None}
-    if apex is None or abs(apex) < TURNED or not known:
+    turned_levels = {level: turned for level in outward[1:] if (turned := rotation[level]) is not None}
+    if apex is None or abs(apex) < TURNED or not turned_levels:
         return None
-    crossing = (pair for pair in pairwise(known) if known[pair[0]] * known[pair[1]] <= 0.0)
-    return min(next(crossing, known), key=lambda level: abs(known[level]))
+    crossing = (pair for pair in pairwise(turned_levels) if turned_levels[pair[0]] * turned_levels[pair[1]] <= 0.0)
+    return min(next(crossing, turned_levels), key=lambda level: abs(turned_levels[level]))
 
 
 def axial_rotation(spine: Spine, across: np.ndarray) -> dict[str, float | None]:

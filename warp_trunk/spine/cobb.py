@@ -53,12 +53,12 @@ def cobb_angles(landmarks: Landmarks) -> tuple[CobbAngle, ...]:
 
 def curves_of(spine: Spine) -> tuple[CobbAngle, ...]:
     """`cobb_angles` of a spine."""
-    known = np.flatnonzero(np.isfinite(spine.endplates).all(axis=(1, 2)))
-    if len(known) < 2:
+    complete = np.flatnonzero(np.isfinite(spine.endplates).all(axis=(1, 2)))
+    if len(complete) < 2:
         return ()
-    levels = [spine.levels[i] for i in known]
-    tilt = vertebral_tilt(spine.endplates[known])
-    centroids = spine.centroids[known]
+    levels = [spine.levels[i] for i in complete]
+    tilt = vertebral_tilt(spine.endplates[complete])
+    centroids = spine.centroids[complete]
     curves = []
     ends = _turning_points(tilt.tolist())
     for upper, lower in pairwise(ends):

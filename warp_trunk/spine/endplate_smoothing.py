@@ -25,17 +25,17 @@ class EndplateSmoothing:
 
     error: float
     """Standard deviation of an endplate's centre, each axis [mm]."""
-    known: np.ndarray
+    complete: np.ndarray
     """Rows of the vertebrae that have both endplates, shape (k,)."""
     weights: np.ndarray
     """Weights of all centres in each smooth one, shape (2 k, 2 k)."""
 
     def smoothed(self, endplates: np.ndarray) -> np.ndarray:
         """The centres, or changes of them, with those that are known smoothed, shape (..., vertebrae, 2, n)."""
-        found, last = endplates.copy(), endplates.shape[-1]
-        flat = endplates[..., self.known, :, :].reshape(*endplates.shape[:-3], -1, last)
-        found[..., self.known, :, :] = (self.weights @ flat).reshape(*endplates.shape[:-3], -1, 2, last)
-        return found
+        smoothed, last = endplates.copy(), endplates.shape[-1]
+        flat = endplates[..., self.complete, :, :].reshape(*endplates.shape[:-3], -1, last)
+        smoothed[..., self.complete, :, :] = (self.weights @ flat).reshape(*endplates.shape[:-3], -1, 2, last)
+        return smoothed
 
 
 def endplate_smoothing(endplates: np.ndarray, expected: float = 0.0) -> EndplateSmoothing | None:
@@ -51,24 +51,24 @@ def endplate_smoothing(endplates: np.ndarray, expected: float = 0.0) -> Endplate
         endplates: superior and inferior centres, top to bottom, shape (vertebrae, 2, 3) [mm]; NaN where missing.
         expected: the error of landmarks, each axis [mm], that have none yet, such as those of a plan.
     """
-    known = np.flatnonzero(np.isfinite(endplates).all(axis=(1, 2)))
-    if len(known) < _LEAST:
+    complete = np.flatnonzero(np.isfinite(endplates).all(axis=(1, 2)))
+    if len(complete) < _LEAST:
         return None
-    points = endplates[known]
+    points = endplates[complete]
     steps = np.linalg.norm(np.diff(points.mean(axis=1), axis=0), axis=1)
     if not steps.all():
         return None
     half = 0.5 * _BODY * np.minimum(np.append(steps, np.inf), np.insert(steps, 0, np.inf))
     middles = np.insert(np.cumsum(steps), 0, 0.0)
     roughness = roughness_of(np.stack([middles - half, middles + half], axis=1).ravel())
-    one = np.eye(len(roughness))
-    off = one - np.linalg.inv(one + _TRIAL * roughness)
+    identity = np.eye(len(roughness))
+    off = identity - np.linalg.inv(identity + _TRIAL * roughness)
     error = float(np.linalg.norm(off @ points[..., 0].ravel()) / np.linalg.norm(off))
     if error < ROUGH:
         error = expected
     if error < ROUGH:
         return None
-    return EndplateSmoothing(error, known, np.linalg.inv(one + _STRENGTH * error**2 * roughness))
+    return EndplateSmoothing(error, complete, np.linalg.inv(identity + _STRENGTH * error**2 * roughness))
 
 
 def roughness_of(along: np.ndarray) -> np.ndarray:

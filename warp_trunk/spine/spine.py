@@ -58,8 +58,8 @@ def spine_of(landmarks: Landmarks, expected_error: float = 0.0) -> Spine:
     missing = np.full(3, np.nan)
 
     def gather(names: Sequence[str], places: Sequence[str]) -> np.ndarray:
-        found = [bones.get(name, {}).get(place, missing) for name in names for place in places]
-        return np.array(found).reshape(len(names), len(places), 3)
+        points = [bones.get(name, {}).get(place, missing) for name in names for place in places]
+        return np.array(points).reshape(len(names), len(places), 3)
 
     sacrum = next((bone for bone in ("S1", "sacrum") if "superior_endplate" in bones.get(bone, {})), "S1")
     sides = [f"{side}_pedicle_{end}" for side in ("left", "right") for end in ("superior", "inferior")]

@@ -94,8 +94,8 @@ def cloth_of(skin: Surface, landmarks: Landmarks) -> np.ndarray:
         above = trunk_loop(loops, at) if height > spine.centroids[:, 2].min() else None  # arms hang beside
         points = np.concatenate([above] if above is not None else loops or [at[None]]) @ axes.T
         hulls.append(points[ConvexHull(points).vertices] if len(points) > 2 else None)
-    known = [number for number, hull in enumerate(hulls) if hull is not None]
-    heights, hulls = heights[known], [hulls[number] for number in known]
+    hulled = [number for number, hull in enumerate(hulls) if hull is not None]
+    heights, hulls = heights[hulled], [hulls[number] for number in hulled]
     boxes = np.array([[hull.min(axis=0), hull.max(axis=0)] for hull in hulls])
     size = boxes[:, 1] - boxes[:, 0]
     whole = int(np.argmax((size[:-1] > _WHOLE * size[1:]).all(axis=1)))

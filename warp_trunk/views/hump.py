@@ -59,10 +59,10 @@ def painted_difference(back: Relief, seen: Window) -> Painted:
     difference, part = side_difference(back, seen)
     low, high = back.spine[:, 1].min(), back.spine[:, 1].max()
     along = np.clip(np.minimum(seen.z - low, high - seen.z) / FADE, 0.0, 1.0)
-    known, width = np.isfinite(difference), SMOOTH / seen.pixel  # of a Gaussian [pixels], among what is known
-    weight = gaussian_filter(known.astype(np.float64), width)
-    smooth = gaussian_filter(np.where(known, difference, 0.0), width) / np.maximum(weight, 1e-9)
-    return np.where(known, smooth, np.nan), part * along[:, None]
+    finite, width = np.isfinite(difference), SMOOTH / seen.pixel  # of a Gaussian [pixels], among what is known
+    weight = gaussian_filter(finite.astype(np.float64), width)
+    smooth = gaussian_filter(np.where(finite, difference, 0.0), width) / np.maximum(weight, 1e-9)
+    return np.where(finite, smooth, np.nan), part * along[:, None]
 
 
 def _between_columns(values: np.ndarray, column: np.ndarray) -> np.ndarray:
@@ -82,7 +82,7 @@ def hump_palette(limit: float) -> np.ndarray:
     """The colours of the steps of the scale, from its lower end, shape (steps, 3)."""
     steps, anchors = int(2.0 * limit / COLOUR_STEP), np.linspace(0.0, 1.0, len(PURPLE_ORANGE))
     place = np.linspace(0.0, 1.0, steps)
-    return np.column_stack([np.interp(place, anchors, one) for one in np.transpose(PURPLE_ORANGE)]) / 255.0
+    return np.column_stack([np.interp(place, anchors, channel) for channel in np.transpose(PURPLE_ORANGE)]) / 255.0
 
 
 def hump_on_vertices(skin: Surface, landmarks: Landmarks, back: Relief, seen: Window, painted: Painted) -> Painted:

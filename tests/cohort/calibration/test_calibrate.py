@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from support.asserting import refuses, there
+from support.asserting import not_none, refuses
 from support.cohort_cases import cohort_options, turned_case
 from support.small_case import small_case
 from warp_trunk.case import write_case
@@ -318,7 +318,7 @@ def test_under_gravity_constants_move_the_rest_state_too(tmp_path_factory: pytes
 
 def check_derivatives(job: FitJob) -> None:
     start = np.array([one.counted(one.start) for one in job.free])
-    derivative = there(fit_case(job, start).derivative)
+    derivative = not_none(fit_case(job, start).derivative)
     plain = replace(job, derivative=False)
     for number, free in enumerate(job.free):
         step = np.zeros(len(start))
@@ -341,7 +341,7 @@ def test_a_skin_that_is_settled_counts_though_no_equilibrium_is_confirmed(job: F
     unreached = relaxed(job, RelaxOptions(tolerance=1e-15, max_steps=12))
     found, wanted = fit_case(unreached, start), fit_case(job, start)
     np.testing.assert_allclose(found.residuals, wanted.residuals, atol=1e-4)
-    slope, known = there(found.derivative), there(wanted.derivative)
+    slope, known = not_none(found.derivative), not_none(wanted.derivative)
     np.testing.assert_allclose(slope, known, atol=1e-2 * np.abs(known).max())
 
 

@@ -92,8 +92,8 @@ def test_the_true_curvature_is_that_of_numpy(energy: Any) -> None:
     model, reference = state.model, energy(TRUNK)
     place = np.searchsorted(reference.free, model.order[model.free])
     wanted = reference.hessian(NOISE).reshape(len(place), 3, len(place), 3)[place][:, :, place]
-    found = np.asarray(on_host(matrix).todense()).reshape(wanted.shape)
-    np.testing.assert_allclose(found, wanted, atol=1e-9 * np.abs(wanted).max())
+    assembled = np.asarray(on_host(matrix).todense()).reshape(wanted.shape)
+    np.testing.assert_allclose(assembled, wanted, atol=1e-9 * np.abs(wanted).max())
     np.testing.assert_array_equal(matrix.inverse_diagonal.numpy(), positive)
 
 

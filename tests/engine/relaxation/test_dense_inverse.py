@@ -26,10 +26,10 @@ def dense(inverse: DenseInverse) -> np.ndarray:
 
 def collected(matrix: np.ndarray, shift: float) -> np.ndarray:
     """The inverse by `inverse_rows`, without scale."""
-    found = np.full(matrix.shape, np.nan)
+    inverse = np.full(matrix.shape, np.nan)
     for layer, rows in inverse_rows(matrix, np.ones(len(matrix)), shift):
-        found[layer, layer.start :], found[layer.start :, layer] = rows, rows.T
-    return found
+        inverse[layer, layer.start :], inverse[layer.start :, layer] = rows, rows.T
+    return inverse
 
 
 def in_16_bits(matrix: np.ndarray) -> DenseInverse:
@@ -43,14 +43,14 @@ def in_16_bits(matrix: np.ndarray) -> DenseInverse:
 @pytest.mark.parametrize("size", [1, 3, 64, 327])
 def test_it_undoes_the_matrix(size: int) -> None:
     matrix = definite(size)
-    found = invert(matrix)
-    np.testing.assert_array_equal(found.numbers, found.numbers.T)
-    np.testing.assert_array_equal(invert(np.triu(matrix)).numbers, found.numbers)  # those below are not needed
+    inverse = invert(matrix)
+    np.testing.assert_array_equal(inverse.numbers, inverse.numbers.T)
+    np.testing.assert_array_equal(invert(np.triu(matrix)).numbers, inverse.numbers)  # those below are not needed
     wanted = np.linalg.inv(matrix + SHIFT * np.diag(np.diagonal(matrix)))
     root = np.sqrt(np.diagonal(wanted))
-    np.testing.assert_allclose(found.scale, root, rtol=1e-9)
+    np.testing.assert_allclose(inverse.scale, root, rtol=1e-9)
     np.testing.assert_allclose(
-        dense(found) / root[:, None] / root, wanted / root[:, None] / root, atol=0.51 / WHOLE
+        dense(inverse) / root[:, None] / root, wanted / root[:, None] / root, atol=0.51 / WHOLE
     )
 
 
@@ -58,12 +58,12 @@ def test_a_vertex_that_reaches_no_node_stays() -> None:
     size, alone = 192, np.array([0, 5, 128])
     matrix = definite(size)
     matrix[alone] = matrix[:, alone] = 0.0
-    found = dense(invert(matrix))
-    assert not found[alone].any()
-    assert not found[:, alone].any()
-    others = np.ix_(*[np.setdiff1d(np.arange(size), alone)] * 2)
-    wanted = dense(invert(matrix[others]))
-    np.testing.assert_allclose(found[others], wanted, rtol=0.0, atol=1e-4 * np.diagonal(wanted).max())
+    inverse = dense(invert(matrix))
+    assert not inverse[alone].any()
+    assert not inverse[:, alone].any()
+    reached = np.ix_(*[np.setdiff1d(np.arange(size), alone)] * 2)
+    wanted = dense(invert(matrix[reached]))
+    np.testing.assert_allclose(inverse[reached], wanted, rtol=0.0, atol=1e-4 * np.diagonal(wanted).max())
 
 
 @pytest.mark.parametrize("layers", [(40,), (1, 30, 2, 50, 9), (16, 16, 16, 16), (33, 1)])
@@ -73,8 +73,8 @@ def test_layers_that_follow_each_other(layers: tuple[int, ...]) -> None:
     layer = np.repeat(np.arange(len(layers)), layers)
     matrix[np.abs(layer - layer[:, None]) > 1] = 0.0
     matrix += np.diag(np.abs(matrix).sum(axis=1))
-    found, wanted = collected(np.triu(matrix), 0.5), np.linalg.inv(matrix + 0.5 * np.eye(len(matrix)))
-    np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-12 * np.abs(wanted).max())
+    inverse, wanted = collected(np.triu(matrix), 0.5), np.linalg.inv(matrix + 0.5 * np.eye(len(matrix)))
+    np.testing.assert_allclose(inverse, wanted, rtol=0.0, atol=1e-12 * np.abs(wanted).max())
 
 
 @pytest.mark.parametrize(("softest", "shift"), [(1.0, 1e-6), (1e-3, 1e-6), (1e-7, 1e-3)])
@@ -86,9 +86,9 @@ def test_a_soft_direction_is_kept_finite(softest: float, shift: float) -> None:
     across = np.eye(size) - np.outer(soft, soft) / (soft @ soft)
     matrix = across @ matrix @ across + softest * np.outer(soft, soft)
     shifted = matrix + shift * np.diag(np.diagonal(matrix))
-    found, wanted = invert(matrix), np.linalg.inv(shifted)
-    np.testing.assert_allclose(found.scale, np.sqrt(np.diagonal(wanted)), rtol=1e-6)
-    assert np.linalg.eigvalsh(found.numbers.astype(float)).min() > 0.0
+    inverse, wanted = invert(matrix), np.linalg.inv(shifted)
+    np.testing.assert_allclose(inverse.scale, np.sqrt(np.diagonal(wanted)), rtol=1e-6)
+    assert np.linalg.eigvalsh(inverse.numbers.astype(float)).min() > 0.0
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
@@ -105,11 +105,11 @@ def test_its_product_in_16_bits(nodes: int, threads: int, precision: str) -> Non
     for _ in range(2):  # nothing is left of the product before
         bounds = model.parallel.split(product.strips)
         product.record(model.array(x, model.vec3), solution, bounds)()
-    found, wanted = solution.numpy().ravel()[: 3 * nodes], matrix @ x[:nodes].ravel()
+    rounded, wanted = solution.numpy().ravel()[: 3 * nodes], matrix @ x[:nodes].ravel()
     root = np.sqrt(np.diagonal(matrix))
     most = (0.5 / WHOLE + 1.0 - DAMPING) * root * (root * np.abs(x[:nodes].ravel())).sum()
-    assert (np.abs(found - wanted) <= 1.1 * most + 1e-5 * np.abs(wanted)).all()
-    assert np.abs(found - wanted).max() > 0.0
+    assert (np.abs(rounded - wanted) <= 1.1 * most + 1e-5 * np.abs(wanted)).all()
+    assert np.abs(rounded - wanted).max() > 0.0
     assert not solution.numpy().ravel()[3 * nodes :].any()
 
 

@@ -96,6 +96,6 @@ def test_groups_of_tied_nodes_are_inverted_as_a_whole() -> None:
         block = dense[np.ix_(group, range(3), group, range(3))].reshape(3 * len(group), -1)
         solved = np.linalg.solve(block, vector[group].ravel()).reshape(-1, 3)
         wanted[group] = solved - (own[group] @ vector[group][:, :, None])[:, :, 0]
-    found, members = groups.arrays.correction.numpy(), [node for group in groups.members for node in group]
-    assert found == pytest.approx(wanted[members], rel=1e-4, abs=1e-4 * np.abs(wanted).max())
+    corrections, members = groups.arrays.correction.numpy(), [node for group in groups.members for node in group]
+    assert corrections == pytest.approx(wanted[members], rel=1e-4, abs=1e-4 * np.abs(wanted).max())
     assert groups.arrays.member_of.numpy()[members].tolist() == list(range(len(members)))

@@ -62,14 +62,14 @@ def test_the_projected_hessian_leads_to_where_the_true_one_takes_over() -> None:
 
 
 def test_on_the_way_a_claim_needs_a_solve_that_ended() -> None:
-    for outcome, known in (
+    for outcome, is_solved in (
         (Outcome.SOLVED, True),
         (Outcome.EXHAUSTED, False),
         (Outcome.NEGATIVE_CURVATURE, False),
     ):
         run = Run(2.0)
         assert decide(run, plan(run), solved(0.01, outcome=outcome)) is Action.SEARCH
-        assert run.estimate.known == known
+        assert run.estimate.solved == is_solved
     assert decide(run, plan(run), solved(math.inf, outcome=Outcome.UNSOUND)) is Action.STALLED
 
 
@@ -96,22 +96,22 @@ def test_a_solve_with_a_hessian_of_before_that_did_not_end_is_not_believed(outco
 def test_a_step_with_a_hessian_of_before_that_is_not_taken_whole_is_solved_for_anew() -> None:
     run = Run(1.0, reuse=Reuse(hessian=True))
     assert decide(run, plan(run), solved(0.4)) is Action.SEARCH
-    assert run.estimate.known
+    assert run.estimate.solved
     assert searched(run, None)
     assert plan(run).fresh
-    assert not run.estimate.known  # nothing is claimed by a step that does not lower the energy
+    assert not run.estimate.solved  # nothing is claimed by a step that does not lower the energy
     assert decide(run, plan(run), solved(0.3)) is Action.SEARCH
     assert run.estimate.distance == pytest.approx(0.6)  # as of a first step: no other was taken
     assert not searched(run, None)
 
 
 def test_on_the_way_a_claim_needs_a_gradient_that_falls() -> None:
-    for norm, known in ((0.9, True), (1.1, False)):
+    for norm, is_solved in ((0.9, True), (1.1, False)):
         run = Run(2.0)
         assert decide(run, plan(run), solved(0.5)) is Action.SEARCH
         searched(run, 1.0)
         assert decide(run, plan(run), solved(0.1, norm)) is Action.SEARCH
-        assert run.estimate.known == known
+        assert run.estimate.solved == is_solved
 
 
 def test_negative_curvature_is_avoided_far_away_and_followed_near_the_end() -> None:
@@ -196,8 +196,8 @@ def test_nothing_is_searched_for_where_no_force_is_left() -> None:
 
 
 def test_a_run_begins_with_nothing_of_another() -> None:
-    one = near_the_end()
-    one.saddle.down = np.ones((2, 3))
+    earlier = near_the_end()
+    earlier.saddle.down = np.ones((2, 3))
     fresh = Run(0.1)
     assert (fresh.estimate.steps, fresh.saddle.down, fresh.estimate.distance) == ([], None, math.inf)
 
@@ -245,8 +245,8 @@ def test_the_bound_is_the_part_of_an_eigenvector_of_eigenvalue_0_at_most() -> No
     powers = np.stack([np.linalg.matrix_power(matrix, k) @ start for k in range(12)], axis=1)
     least = float(np.linalg.norm(start + powers[:, 1:] @ np.linalg.lstsq(powers[:, 1:], -start, rcond=None)[0]))
     noise = 100.0 * least  # so that the chance is below 1
-    found = chance_of_saddle(squares, curvatures, noise, 0.0)
-    assert found == pytest.approx(math.sqrt(2.0 / math.pi) * least / noise, rel=1e-6)
+    least_chance = chance_of_saddle(squares, curvatures, noise, 0.0)
+    assert least_chance == pytest.approx(math.sqrt(2.0 / math.pi) * least / noise, rel=1e-6)
 
 
 def test_what_rounding_hides_is_not_excluded() -> None:
@@ -293,36 +293,36 @@ def along(
 
 def test_takes_the_first_decrease() -> None:
     attempt, tried = along(lambda x: (x - 3.0) ** 2, lambda x: 2.0 * (x - 3.0))
-    found, _ = search(attempt, 1.0, 9.0, -6.0)
-    assert found is not None
-    assert found.length == 1.0
+    step, _ = search(attempt, 1.0, 9.0, -6.0)
+    assert step is not None
+    assert step.length == 1.0
     assert tried == [1.0]
 
 
 @pytest.mark.parametrize("first", [8.0, 1e6])
 def test_comes_back_from_beyond_the_valley(first: float) -> None:
     attempt, _ = along(lambda x: (x - 3.0) ** 2, lambda x: 2.0 * (x - 3.0))
-    found, _ = search(attempt, first, 9.0, -6.0)
-    assert found is not None
-    assert 0.0 < found.length < 6.0
+    step, _ = search(attempt, first, 9.0, -6.0)
+    assert step is not None
+    assert 0.0 < step.length < 6.0
 
 
 def test_never_ends_where_a_tetrahedron_would_invert() -> None:
     attempt, _ = along(lambda x: (x - 3.0) ** 2, lambda x: 2.0 * (x - 3.0), inverted_beyond=0.7)
-    found, _ = search(attempt, 5.0, 9.0, -6.0)
-    assert found is not None
-    assert 0.0 < found.length <= 0.7
+    step, _ = search(attempt, 5.0, 9.0, -6.0)
+    assert step is not None
+    assert 0.0 < step.length <= 0.7
 
 
 def test_comes_back_from_numbers_that_are_not_finite() -> None:
     attempt, _ = along(lambda x: (x - 3.0) ** 2 if x < 4.0 else math.nan, lambda x: 2.0 * (x - 3.0))
-    found, _ = search(attempt, 64.0, 9.0, -6.0)
-    assert found is not None
-    assert found.energy.total < 9.0
+    step, _ = search(attempt, 64.0, 9.0, -6.0)
+    assert step is not None
+    assert step.energy.total < 9.0
 
 
 def test_gives_up_where_nothing_falls() -> None:
     attempt, tried = along(lambda x: 9.0 + x, lambda x: 1.0)
-    found, attempts = search(attempt, 1.0, 9.0, -6.0)
-    assert found is None
+    step, attempts = search(attempt, 1.0, 9.0, -6.0)
+    assert step is None
     assert attempts == len(tried) < 100

@@ -68,17 +68,17 @@ def test_energy_never_rises_and_every_step_is_seen_as_it_was(gravity: float, sce
 def test_two_runs_agree_to_the_last_bit(threads: int) -> None:
     trunk, start = SCENES["moved bone"]
     model = model_of(trunk, threads=threads, gravity=9.81, precision="float32")
-    one, two = (relax(model, start, max_steps=60) for _ in range(2))
-    assert (one[1] == two[1]).all()
-    assert one[0] == two[0]
+    first, two = (relax(model, start, max_steps=60) for _ in range(2))
+    assert (first[1] == two[1]).all()
+    assert first[0] == two[0]
 
 
 @pytest.mark.parametrize("threads", [2, 3])
 def test_threads_change_only_rounding(threads: int) -> None:
     trunk, start = SCENES["turned face"]
-    one, many = (relax(model_of(trunk, threads=count), start, tolerance=1e-8) for count in (1, threads))
-    np.testing.assert_allclose(many[1], one[1], atol=1e-7)
-    assert many[0].energy.total == pytest.approx(one[0].energy.total, rel=1e-12)
+    alone, many = (relax(model_of(trunk, threads=count), start, tolerance=1e-8) for count in (1, threads))
+    np.testing.assert_allclose(many[1], alone[1], atol=1e-7)
+    assert many[0].energy.total == pytest.approx(alone[0].energy.total, rel=1e-12)
 
 
 def test_a_bound_on_steps_holds() -> None:
@@ -89,10 +89,10 @@ def test_a_bound_on_steps_holds() -> None:
 
 @EACH_SCENE
 def test_float32_reports_that_it_cannot_reach_a_nanometre(scene: str) -> None:
-    ended, found = single(*SCENES[scene], tolerance=1e-9, max_steps=2000)
+    ended, displacement = single(*SCENES[scene], tolerance=1e-9, max_steps=2000)
     assert ended.status is RelaxStatus.STALLED
-    rounding = np.finfo(np.float32).eps * np.abs(found).max()
-    true = Reference(SCENES[scene][0]).error(found)
+    rounding = np.finfo(np.float32).eps * np.abs(displacement).max()
+    true = Reference(SCENES[scene][0]).error(displacement)
     assert 1e-9 < true <= rounding + 2.0 * ended.estimated_error
 
 
@@ -197,13 +197,13 @@ MOVED = np.where((TRUNK.bone == 1)[:, None], [2.0, -2.0, 1.0], 0.0)
 @pytest.mark.parametrize("gravity", [0.0, 9.81])
 def test_ends_stopped_with_an_honest_distance_and_bones_in_place(precision: str, gravity: float) -> None:
     model = model_of(TRUNK, precision=precision, gravity=gravity)
-    one, two = (increments(model, MOVED, 2, method="gradient", max_steps=5000) for _ in range(2))
-    ended, found = one[-1].relaxation, one[-1].displacement
-    assert [each.relaxation.status for each in one] == [RelaxStatus.STOPPED] * 2
-    assert (found[TRUNK.prescribed] == MOVED[TRUNK.prescribed]).all()
-    true = Reference(TRUNK, gravity=gravity).error(found, 1e-6)
+    first, two = (increments(model, MOVED, 2, method="gradient", max_steps=5000) for _ in range(2))
+    ended, displacement = first[-1].relaxation, first[-1].displacement
+    assert [each.relaxation.status for each in first] == [RelaxStatus.STOPPED] * 2
+    assert (displacement[TRUNK.prescribed] == MOVED[TRUNK.prescribed]).all()
+    true = Reference(TRUNK, gravity=gravity).error(displacement, 1e-6)
     assert 0.5 * true <= ended.estimated_error + 1e-6 <= 10.0 * true + 1e-4
-    assert (two[-1].displacement == found).all()
+    assert (two[-1].displacement == displacement).all()
     energies = [step.energy.total for step in ended.history]
     for number in range(11, len(energies)):
         assert energies[number] <= max(energies[number - 10 : number]) + 1e-6 * energies[0]
@@ -239,11 +239,11 @@ def test_a_saddle_is_left_although_no_force_points_away_from_it(precision: str) 
     reference = Reference(trunk, edges)
     assert reference.gradient(start)[3, 2] == 0.0
     model = model_of(trunk, edges, precision=precision)
-    ended, found = relax(model, start, tolerance=0.01, max_steps=300)
+    ended, displacement = relax(model, start, tolerance=0.01, max_steps=300)
     assert ended.status is RelaxStatus.CONVERGED
-    assert abs(trunk.nodes[3, 2] + found[3, 2]) > 5.0
-    assert np.linalg.eigvalsh(reference.hessian(found))[0] > 0.0
-    assert reference.error(found) <= 2.0 * ended.estimated_error
+    assert abs(trunk.nodes[3, 2] + displacement[3, 2]) > 5.0
+    assert np.linalg.eigvalsh(reference.hessian(displacement))[0] > 0.0
+    assert reference.error(displacement) <= 2.0 * ended.estimated_error
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -287,11 +287,11 @@ def test_rounding_is_part_of_the_distance(theta: float) -> None:
     start = held_turned(trunk, 40.0, axis=(1.0, 0.3, 1.0))
     for tolerance in (1e-3, 1e-4, 1e-7):
         model = model_of(trunk, tissue, precision="float32")
-        ended, found = relax(model, start, tolerance=tolerance, max_steps=300)
+        ended, displacement = relax(model, start, tolerance=tolerance, max_steps=300)
         if tolerance in (1e-3, 1e-7):
             assert (ended.status is RelaxStatus.CONVERGED) == (tolerance == 1e-3)
         if ended.status is RelaxStatus.CONVERGED:
-            assert Reference(trunk, tissue).error(found, 1e-9) <= 2.0 * ended.estimated_error
+            assert Reference(trunk, tissue).error(displacement, 1e-9) <= 2.0 * ended.estimated_error
 
 
 def test_what_is_on_the_way_is_not_claimed() -> None:
@@ -388,12 +388,12 @@ def test_a_relaxation_near_the_last_takes_the_hessian_that_was_prepared_there() 
     relaxer.relax()
     relaxer.prepare()
     assert relaxer.work is not None
-    there = relaxer.work.matrix_state.version
+    version = relaxer.work.matrix_state.version
     bones = relaxer.state.host_displacement()
     bones[trunk.prescribed] = held_turned(trunk, 10.5)[trunk.prescribed]
     relaxer.state.set_displacement(bones)
     ended = relaxer.relax(confirm=False, reuse=True)
-    assert (ended.status, relaxer.work.matrix_state.version) == (RelaxStatus.NEAR, there)
+    assert (ended.status, relaxer.work.matrix_state.version) == (RelaxStatus.NEAR, version)
     assert ended.steps > 0
     assert reference.error(relaxer.state.host_displacement(), 1e-6) <= 0.1
 

@@ -9,7 +9,7 @@ from PIL import Image
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
-from support.asserting import there
+from support.asserting import not_none
 from warp_trunk.geometry.coarsening import without_slivers
 from warp_trunk.geometry.colours import as_colours, coloured_from
 from warp_trunk.geometry.surface import Surface
@@ -71,7 +71,7 @@ def test_numbers_of_every_range_are_told_apart(tmp_path, kind):
 def test_missing_colours_come_from_the_nearest_vertex_and_one_colour_says_nothing():
     values = COLOURS.astype(float)
     values[SKIN.vertices[:, 2] > 60.0] = np.nan
-    found = there(as_colours(values, SKIN.vertices))
+    found = not_none(as_colours(values, SKIN.vertices))
     up = SKIN.vertices[:, 2] > 60.0
     np.testing.assert_array_equal(found[~up], COLOURS[~up])
     assert np.abs(found[up, 2] - of(np.array([[0.0, 0, 60]]))[0, 2].astype(float)).max() < 25.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from support.asserting import there
+from support.asserting import not_none
 from warp_trunk.bone_motion.rib_cage import ends
 from warp_trunk.case import Case, read_case, write_case
 from warp_trunk.case.anatomy import VERTEBRAE
@@ -106,7 +106,7 @@ def test_the_rotation_of_the_back_and_the_curve_are_those_of_the_whole_body(fit,
     marks = fit.case.landmarks_before
     truth, found = (back_surface_rotation(skin, marks) for skin in (whole.skin, fit.case.skin))
     for level in VERTEBRAE[5:15]:
-        one, other = there(found[level]), there(truth[level])
+        one, other = not_none(found[level]), not_none(truth[level])
         assert one.angle == pytest.approx(other.angle, abs=1.0), level
     main = max(cobb_angles(marks), key=lambda curve: curve.angle)
     assert main.angle == pytest.approx(50.0, abs=3.0)
@@ -136,7 +136,7 @@ def test_what_is_invented_is_read_back_with_the_case(fit, tmp_path):
     write_case(tmp_path / "case", fit.case)
     read = read_case(tmp_path / "case")
     assert read.invented == fit.case.invented
-    assert np.array_equal(there(read.unseen), ~fit.seen)
+    assert np.array_equal(not_none(read.unseen), ~fit.seen)
 
 
 def test_landmarks_of_films_leave_less_to_invent(scan, whole):
@@ -144,4 +144,4 @@ def test_landmarks_of_films_leave_less_to_invent(scan, whole):
     found = fit.case.landmarks_before
     off = np.linalg.norm(found.points - whole.landmarks_before.points, axis=1)
     assert off[["asis" not in name for name in found.names]].mean() < 2.0
-    assert there(fit.case.invented).vertebral_turn < 6.0
+    assert not_none(fit.case.invented).vertebral_turn < 6.0

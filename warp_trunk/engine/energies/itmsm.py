@@ -149,9 +149,9 @@ def weights(rest: RestMesh, gravity: float, *, shares: Shares) -> dict[str, np.n
     relative = [tissue.youngs_modulus / tissues[0].youngs_modulus for tissue in tissues]
     epsilon = rest.by_tissue([r * tissue.epsilon for r, tissue in zip(relative, tissues, strict=True)])
     theta = shares.tet * rest.by_tissue([r * tissue.theta for r, tissue in zip(relative, tissues, strict=True)])
-    known = constants_of(rest, gravity, shares.edges)
+    constants = constants_of(rest, gravity, shares.edges)
     density = rest.by_tissue([tissue.density for tissue in tissues])
-    gravity_weight = known.alpha * 0.25 * density * 1e-9 / (known.mean_mass * known.height * 1e3)
+    gravity_weight = constants.alpha * 0.25 * density * 1e-9 / (constants.mean_mass * constants.height * 1e3)
     return {
         "edge_weight": rest.by_tissue(relative)[:, None] * shares.edge,
         "face_weight": epsilon[:, None] * shares.face,

@@ -51,7 +51,7 @@ class NeoHookean:
         """Gradients of the shape functions and volumes for a rest state, by the names of their arrays."""
         corners = np.ascontiguousarray(np.moveaxis(rest.nodes[rest.corners], 0, 2))  # NumPy is faster on long rows
         a, b, c = corners[1:] - corners[0]
-        areas = np.array([np.cross(one, other, axis=0) for one, other in ((b, c), (c, a), (a, b))])
+        areas = np.array([np.cross(first, other, axis=0) for first, other in ((b, c), (c, a), (a, b))])
         gradients = np.moveaxis(areas / (6.0 * rest.volume), 2, 0)
         return {
             "shape_gradient": rest.upload(gradients, wp.types.vector(3, rest.scalar)),
