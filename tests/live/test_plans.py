@@ -19,7 +19,7 @@ from warp_trunk.case.motions import Motion, Turn, rigid_motions
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.live.number_table import WAITING, numbers_html
-from warp_trunk.live.saved_plans import KeptPlans
+from warp_trunk.live.saved_plans import SavedPlans
 from warp_trunk.live.session import PlanView
 from warp_trunk.live.sliders import Controls, MotionSliders, SpineSliders, first_state, with_handles
 from warp_trunk.measures import measure
@@ -40,8 +40,8 @@ def view(number: int = 1) -> PlanView:
 
 
 def test_a_kept_plan_is_the_planned_case(tmp_path: Path) -> None:
-    kept, shown = KeptPlans(tmp_path / "plans", CASE), view()
-    folder = kept.keep(kept.free_name(), shown)
+    saved, shown = SavedPlans(tmp_path / "plans", CASE), view()
+    folder = saved.keep(saved.free_name(), shown)
     assert folder == tmp_path / "plans" / "plan_1"
     assert {path.name for path in folder.iterdir()} == FILES
     assert isinstance(shown.surgery, PlannedSurgery)
@@ -49,28 +49,28 @@ def test_a_kept_plan_is_the_planned_case(tmp_path: Path) -> None:
     after = read_landmarks(folder / "landmarks_after.csv")
     np.testing.assert_array_equal(after.points, SURGERY.landmarks_after.points)
     assert ", plan plan_1" in (folder / "case.toml").read_text(encoding="utf-8")
-    assert (kept.free_name(), kept.names, kept.views) == ("plan_2", ("plan_1",), {"plan_1": shown})
+    assert (saved.free_name(), saved.names, saved.views) == ("plan_2", ("plan_1",), {"plan_1": shown})
     better = view()
-    for one in (better, view(2)):  # the second is of another state
-        kept.improve(one)
-    assert kept.views["plan_1"] is better
+    for newer in (better, view(2)):  # the second is of another state
+        saved.improve(newer)
+    assert saved.views["plan_1"] is better
 
 
 @pytest.mark.parametrize("name", ["", "..", "a/b", ".hidden", "a b", "x" * 61, "<b>"])
 def test_a_name_that_no_folder_should_have_is_refused(tmp_path: Path, name: str) -> None:
     with pytest.raises(InputError, match="cannot name a plan"):
-        KeptPlans(tmp_path, CASE).keep(name, view())
+        SavedPlans(tmp_path, CASE).keep(name, view())
     assert list(tmp_path.iterdir()) == []
 
 
 def test_an_existing_plan_is_not_overwritten_and_a_full_disk_is_reported(tmp_path: Path) -> None:
-    kept = KeptPlans(tmp_path, CASE)
-    kept.keep("mine", view())
+    saved = SavedPlans(tmp_path, CASE)
+    saved.keep("mine", view())
     with pytest.raises(InputError, match="'mine' exists already"):
-        kept.keep("mine", view())
+        saved.keep("mine", view())
     (tmp_path / "file").write_text("", encoding="utf-8")
     with pytest.raises(InputError, match="nothing was kept"):
-        KeptPlans(tmp_path / "file", CASE).keep("mine", view())
+        SavedPlans(tmp_path / "file", CASE).keep("mine", view())
 
 
 def test_a_page_that_is_killed_while_it_writes_leaves_no_plan(
@@ -82,24 +82,24 @@ def test_a_page_that_is_killed_while_it_writes_leaves_no_plan(
     with monkeypatch.context() as patch:
         patch.setattr("warp_trunk.bone_motion.plan.plan_file.write_case", killed)  # the rest is written before
         with pytest.raises(KeyboardInterrupt):
-            KeptPlans(tmp_path, CASE).keep("mine", view())
+            SavedPlans(tmp_path, CASE).keep("mine", view())
     assert [path.name for path in tmp_path.iterdir()] == [".mine.partial"]
-    again = KeptPlans(tmp_path, CASE)
+    again = SavedPlans(tmp_path, CASE)
     assert again.names == ()
     assert {path.name for path in again.keep("mine", view()).iterdir()} == FILES
 
 
 def test_plans_of_before_are_found_and_no_others(tmp_path: Path) -> None:
-    assert KeptPlans(tmp_path / "none", CASE).names == ()
-    KeptPlans(tmp_path, CASE).keep("mine", view())
+    assert SavedPlans(tmp_path / "none", CASE).names == ()
+    SavedPlans(tmp_path, CASE).keep("mine", view())
     moved = replace(CASE.landmarks_before, points=CASE.landmarks_before.points + 1.0)
-    KeptPlans(tmp_path, replace(CASE, landmarks_before=moved)).keep("hers", view())
+    SavedPlans(tmp_path, replace(CASE, landmarks_before=moved)).keep("hers", view())
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "plan.toml").write_text("no plan", encoding="utf-8")
     header = (tmp_path / "mine" / "case.toml").rename(tmp_path / "case.toml")
-    assert KeptPlans(tmp_path, CASE).names == ()  # without it a folder is not whole
+    assert SavedPlans(tmp_path, CASE).names == ()  # without it a folder is not whole
     header.rename(tmp_path / "mine" / "case.toml")
-    again = KeptPlans(tmp_path, CASE)
+    again = SavedPlans(tmp_path, CASE)
     assert (again.names, again.earlier, again.views) == (("mine",), {"mine": SURGERY.plan}, {})
 
 
@@ -133,8 +133,8 @@ def test_numbers_of_a_skin_that_is_not_relaxed_are_blank_and_the_curves_are_not(
 
 
 def test_a_plan_to_compare_with_is_a_column_of_its_own() -> None:
-    kept = replace(VIEW, measures=BEFORE)
-    text = numbers_html(CASE, BEFORE, kept, ("<mine>", kept))
+    other = replace(VIEW, measures=BEFORE)
+    text = numbers_html(CASE, BEFORE, other, ("<mine>", other))
     assert "&lt;mine&gt;" in text
     assert "<mine>" not in text
     assert text.count("<rect") == 3 * sum(angle is not None for angle in BEFORE.bsr.values())
@@ -228,10 +228,10 @@ def test_a_curve_outside_the_fusion_is_not_planned_and_has_no_effect() -> None:
 
 
 def test_what_sliders_do_not_say_is_that_of_the_first_plan() -> None:
-    given = Plan(uiv="T3", liv="L2", balance="centre", sva_after=5.0, unfused="fixed")
-    sliders = SpineSliders(CASE, given)
+    first_plan = Plan(uiv="T3", liv="L2", balance="centre", sva_after=5.0, unfused="fixed")
+    sliders = SpineSliders(CASE, first_plan)
     plan = sliders.plan({**first_state(sliders), CORRECTION: 10})
-    assert plan == replace(given, curves=plan.curves)
+    assert plan == replace(first_plan, curves=plan.curves)
     assert [c for c in plan.curves if c.correction] == [CurvePlan(MAJOR.apex, correction=0.1)]
 
 
@@ -256,9 +256,9 @@ def test_sliders_stand_where_the_motions_of_the_case_are() -> None:
     assert [state[f"front {label}"] for label in ("Pitch °", "Roll °", "Yaw °")] == pytest.approx([0.0, 0.0, 5.0])
     assert state["left front"] == 50.0
     assert sliders.motions(state)["right"].large
-    given, found = rigid_motions(case.motions), rigid_motions(sliders.motions(state))
-    for bone, motion in given.items():
-        np.testing.assert_allclose(found[bone].as_matrix(), motion.as_matrix(), atol=1e-6)
+    of_case, of_sliders = rigid_motions(case.motions), rigid_motions(sliders.motions(state))
+    for bone, motion in of_case.items():
+        np.testing.assert_allclose(of_sliders[bone].as_matrix(), motion.as_matrix(), atol=1e-6)
 
 
 def test_sliders_of_motions_at_zero_move_nothing_and_no_bone_passes_into_another() -> None:

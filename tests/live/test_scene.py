@@ -63,7 +63,7 @@ def field(share: float) -> np.ndarray:
     return share * SHAPE + 0.01 * share**2 * CURVED
 
 
-def known(*at: float) -> InitialGuess:
+def guess_of_plans(*at: float) -> InitialGuess:
     """Plans along one slider; the field grows straight along it, and with the square of it."""
     forecast = InitialGuess(ZERO, np.zeros((9, 3)))
     for share in at:
@@ -72,7 +72,7 @@ def known(*at: float) -> InitialGuess:
 
 
 def test_a_known_plan_is_met_the_next_is_straight_on_and_beside_it_is_the_nearest() -> None:
-    forecast = known(4.0, 8.0)
+    forecast = guess_of_plans(4.0, 8.0)
     assert forecast.way(ZERO + 8.0 * WAY) == 0.0
     np.testing.assert_allclose(forecast.at(ZERO + 8.0 * WAY), field(8.0), atol=1e-12)
     off = np.abs(forecast.at(ZERO + 9.0 * WAY) - field(9.0)).max()

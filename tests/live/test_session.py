@@ -99,9 +99,9 @@ def test_after_any_way_the_end_is_that_of_a_simulation(bones: str) -> None:
     alone = small_patient(bones=bones)
     displacement = check_end(view, alone)
     if bones == "follow":  # drawn where the simulation holds them
-        here = alone.trunk.nodes[alone.trunk.prescribed]
-        moved = here + displacement[alone.trunk.prescribed]
-        np.testing.assert_allclose(view.motions["T8"].apply(here), moved, atol=1e-4)
+        on_bone = alone.trunk.nodes[alone.trunk.prescribed]
+        moved = on_bone + displacement[alone.trunk.prescribed]
+        np.testing.assert_allclose(view.motions["T8"].apply(on_bone), moved, atol=1e-4)
     assert session.faults == []
 
 
@@ -239,10 +239,10 @@ def test_tissue_comes_off_bones_as_in_a_simulation(monkeypatch: pytest.MonkeyPat
         moving = tissue.relax(1.0, confirm=False, newer=lambda: False)
     assert (moving.status, moving.warnings) == (RelaxStatus.NEAR, (relaxation.PINCHED,))
     released = tissue.relax(1.0, confirm=False, newer=lambda: False)  # too many to leave them
-    found = tissue.relax(0.1, confirm=True, newer=lambda: False)
+    relaxed = tissue.relax(0.1, confirm=True, newer=lambda: False)
     simulated = Prediction(patient, case, rigid_path(trunk, motions)).relax()
     assert simulated.released > 0
-    np.testing.assert_array_equal(found.skin, simulated.skin.vertices)
-    assert found.warnings[0].startswith("Tissue comes off the bones at ")
-    assert tissue.relax(0.1, confirm=True, newer=lambda: False) is found
-    assert released is found
+    np.testing.assert_array_equal(relaxed.skin, simulated.skin.vertices)
+    assert relaxed.warnings[0].startswith("Tissue comes off the bones at ")
+    assert tissue.relax(0.1, confirm=True, newer=lambda: False) is relaxed
+    assert released is relaxed

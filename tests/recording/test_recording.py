@@ -174,8 +174,8 @@ def test_the_target_is_the_planned_spine_or_the_actual_skin(recorded, tmp_path):
     bones = column(path, "/target/bones", "vertex_positions")[None]
     np.testing.assert_allclose(bones[faces], (trunk.nodes + planned)[trunk.bone_faces], atol=1e-4)
     actual = Surface(case.skin.vertices * [1.0, 1.1, 1.0], case.skin.faces[:, [1, 2, 0]])
-    known = replace(case, actual_skin=actual)
-    start_recording(tmp_path / "a.rrd", known, trunk).close()
+    with_actual = replace(case, actual_skin=actual)
+    start_recording(tmp_path / "a.rrd", with_actual, trunk).close()
     np.testing.assert_allclose(
         column(tmp_path / "a.rrd", "/target/skin", "vertex_positions")[None], actual.vertices, atol=1e-4
     )

@@ -58,7 +58,7 @@ def test_what_differs_is_told_with_each_plan_and_the_rest_is_alike(three):
     assert alike.startswith("Too alike to choose by, within 5° of the spine, 2.5° of the back and 5 mm")
     assert "rotation of the upper back" in alike  # 7 and 6 degrees
     assert "Cobb" not in alike
-    cobb = next(one for one in apart if one.row.quantity.key == "cobb_deg" and one.row.level == "T5-T12")
+    cobb = next(gap for gap in apart if gap.row.quantity.key == "cobb_deg" and gap.row.level == "T5-T12")
     assert (cobb.value, cobb.title) == (pytest.approx(-12.0, abs=0.1), "A against B")
     assert cobb.high is not None
     assert cobb.high - cobb.value == pytest.approx(1.96, abs=1e-3)  # what is shared cancels
@@ -71,7 +71,7 @@ def test_what_differs_is_told_with_each_plan_and_the_rest_is_alike(three):
 def test_plans_within_the_interval_of_their_difference_are_alike(three):
     before, plans = three
     apart = apart_between(before, plans, [effects_of(0.0), effects_of(8.0)])
-    assert not any(one.differs for one in apart if one.row.quantity.key == "cobb_deg" and one.low is not None)
+    assert not any(gap.differs for gap in apart if gap.row.quantity.key == "cobb_deg" and gap.low is not None)
     cells = {row[0]: row[1] for row in apart_table(apart)}
     assert re.fullmatch(r"not known \(28 better to 3.\d worse\)", cells["Cobb angle T5 to T12 [°]"])
 
@@ -95,13 +95,13 @@ def test_page_holds_every_plan_and_nothing_from_outside(tmp_path, capsys):
 
 
 def test_another_patient_a_plan_given_twice_and_too_many_are_refused(tmp_path):
-    one, other = write_small_result(tmp_path / "one"), write_small_result(tmp_path / "other", without="T8")
+    first_plan, other = write_small_result(tmp_path / "one"), write_small_result(tmp_path / "other", without="T8")
     with pytest.raises(InputError, match=r"other: skin and landmarks before surgery must be those of .*one"):
-        write_comparison([read_result(one), read_result(other)])
+        write_comparison([read_result(first_plan), read_result(other)])
     with pytest.raises(InputError, match="is given twice"):
-        write_comparison([read_result(one)] * 2)
+        write_comparison([read_result(first_plan)] * 2)
     with pytest.raises(InputError, match="from 2 to 4 results"):
-        write_comparison([read_result(one)] * 5)
+        write_comparison([read_result(first_plan)] * 5)
 
 
 def test_t1_and_t2_set_no_scale_of_the_rotations(three):
@@ -122,7 +122,7 @@ def test_t1_and_t2_set_no_scale_of_the_rotations(three):
 )
 def test_the_better_plan_is_the_one_with_the_smaller_size(first, second, text):
     numbers = tuple(
-        Measured(name, "T8", "main_hump_mm", one) for name, one in zip("0AB", (9.0, first, second), strict=True)
+        Measured(name, "T8", "main_hump_mm", size) for name, size in zip("0AB", (9.0, first, second), strict=True)
     )
     row = MeasureRow(quantity=QUANTITIES["main_hump_mm"], level="T8", numbers=numbers)
     assert apart_text(Apart(row, "A against B", first - second, (first, second), None, None)) == text

@@ -55,7 +55,7 @@ def numbers_html(
     case: Case,
     before: TrunkMeasures,
     view: PlanView,
-    kept: tuple[str, PlanView] | None = None,
+    other: tuple[str, PlanView] | None = None,
 ) -> str:
     """The table of a view, below its warnings.
 
@@ -66,10 +66,10 @@ def numbers_html(
         case: the patient, with the points that are followed.
         before: measures before surgery.
         view: what is shown.
-        kept: name and view of the plan to compare with.
+        other: name and view of the plan to compare with.
     """
-    views = [view, *([] if kept is None else [kept[1]])]
-    titles = ["before", "plan", *([] if kept is None else [kept[0]])]
+    views = [view, *([] if other is None else [other[1]])]
+    titles = ["before", "plan", *([] if other is None else [other[0]])]
     states, numbers = _STATES[: len(titles)], measured(_STATES[0], before)
     for state, each in zip(states[1:], views, strict=True):
         if each.measures is not None:
@@ -113,16 +113,16 @@ def _rotation(
     """Levels with the rotation of the plan, the colour of each state that is known, and bars from the middle to
     the side that stands further back: x, y, width, height and colour of each."""
     columns = {state: table.values(state, "bsr_deg") for state in states}
-    known = {state: colour for state, colour in zip(states, _COLOURS, strict=False) if columns[state]}
+    colours = {state: colour for state, colour in zip(states, _COLOURS, strict=False) if columns[state]}
     angles = [angle for column in columns.values() for angle in column.values() if angle is not None]
-    scale, thick = _HALF / max([5.0, *map(abs, angles)]), (_ROW - 4.0) / max(len(known), 1)
-    shown = columns[[*known][min(1, len(known) - 1)]] if known else {}
+    scale, thick = _HALF / max([5.0, *map(abs, angles)]), (_ROW - 4.0) / max(len(colours), 1)
+    shown = columns[[*colours][min(1, len(colours) - 1)]] if colours else {}
     levels, bars = [], []
     for row, level in enumerate(columns[_STATES[0]]):
         turn = shown.get(level)
         levels.append((level, number(None if turn is None else abs(turn))))
-        for place, (state, colour) in enumerate(known.items()):
+        for place, (state, colour) in enumerate(colours.items()):
             if (angle := columns[state].get(level)) is not None:
                 x, y = _MIDDLE + min(0.0, angle * scale), _ROW * row + 2.0 + place * thick
                 bars.append((x, y, abs(angle) * scale, thick, colour))
-    return levels, known, bars
+    return levels, colours, bars

@@ -67,7 +67,7 @@ def plan_live(
         progress.message(f"Plan at {page.server.address} on this machine; Ctrl-C or its button ends it")
         while not page.stopped.wait(0.2):  # a signal that another thread got is handled between two waits
             pass
-    for name in page.kept.views:
-        if name not in page.kept.earlier:
+    for name in page.saved.views:
+        if name not in page.saved.earlier:
             progress.message(f"Kept: {folder / name}")
     return page.failure

@@ -50,7 +50,7 @@ class PageScene:
         self.before = scene.add_mesh_simple(
             "/before", skin.vertices, skin.faces, color=_rgb(BEFORE.colour), opacity=SEEN_THROUGH, visible=False
         )
-        self.kept = scene.add_line_segments(
+        self.compared = scene.add_line_segments(
             "/kept",
             np.zeros((1, 2, 3)),
             _rgb(PLANS[1].colour),
@@ -146,9 +146,9 @@ class PageScene:
 
     def compare(self, vertices: np.ndarray | None) -> None:
         """Draws the outlines of another skin (vertices, 3) [mm] at every `OUTLINE` of height; none for None."""
-        self.kept.visible = vertices is not None
+        self.compared.visible = vertices is not None
         if vertices is not None:
-            self.kept.points = outlines(vertices.astype(np.float32), self._case.skin.faces)
+            self.compared.points = outlines(vertices.astype(np.float32), self._case.skin.faces)
 
     def eye(self, side: str) -> np.ndarray:
         """Where the eye is to see the patient from one of `SIDES` [mm]."""
@@ -268,9 +268,9 @@ def _segments(vertices: np.ndarray, depth: np.ndarray, corners: np.ndarray, leve
     first, second, third = depth.take(corners) >= level
     alone = np.where(first == second, 2, np.where(first == third, 1, 0))  # the corner on a side of its own
     start, left, right = np.take_along_axis(corners, (alone + np.arange(3)[:, None]) % 3, axis=0)
-    origin, here = vertices.take(start, axis=0), depth.take(start)
+    origin, start_depth = vertices.take(start, axis=0), depth.take(start)
     ends = np.empty((len(level), 2, 3), vertices.dtype)
     for side, end in enumerate((left, right)):
-        share = (level - here) / (depth.take(end) - here)
+        share = (level - start_depth) / (depth.take(end) - start_depth)
         ends[:, side] = origin + share[:, None] * (vertices.take(end, axis=0) - origin)
     return ends

@@ -17,7 +17,7 @@ from warp_trunk.run.patient import PreparedPatient
 from .loopback import LoopbackServer
 from .number_table import line_html, numbers_html, status_html
 from .page_scene import SIDES, PageScene
-from .saved_plans import KeptPlans
+from .saved_plans import SavedPlans
 from .session import Latest, PlanView, Session, worker
 from .sliders import Controls, Sliders, SpineSliders, first_state
 
@@ -47,7 +47,7 @@ class Page:
         """Set when the page is to end."""
         self.failure: str | None = None
         """The error that ended the page, if there was one."""
-        self.kept = KeptPlans(folder, case)
+        self.saved = SavedPlans(folder, case)
         """The plans that were kept, now and before."""
         self._before = measure(
             case.skin, case.landmarks_before if case.has_spine else NO_LANDMARKS, unseen=case.unseen
@@ -68,10 +68,10 @@ class Page:
         self._status = gui.add_html(status_html(None, ""))
         self.controls = Controls(gui, sliders, self.session.ask)
         with gui.add_folder("Keep and compare"):
-            self._name = gui.add_text("Name", self.kept.free_name())
+            self._name = gui.add_text("Name", self.saved.free_name())
             gui.add_button("Keep this plan").on_click(lambda _: self._keep())
             self._said = gui.add_html("")
-            self._other = gui.add_dropdown("Compare with", (NOTHING, *self.kept.names))
+            self._other = gui.add_dropdown("Compare with", (NOTHING, *self.saved.names))
             self._other.on_update(lambda _: self._compare())
         self._add_looks(gui)
         panel = gui.add_panel()
@@ -135,7 +135,7 @@ class Page:
                     self.scene.show(view)
                 self._drawn = view
                 if view.measures is not None:
-                    self.kept.improve(view)
+                    self.saved.improve(view)
             self._write()
         self.server.flush()  # else it waits for the next sixtieth of a second
 
@@ -143,8 +143,8 @@ class Page:
         view, name = self.session.view, self._other.value
         self._status.content = status_html(view, self.session.refusal, planning=self.session.planning)
         if view is not None:
-            kept = self.kept.views.get(name)
-            named = None if kept is None else (name, kept)
+            other = self.saved.views.get(name)
+            named = None if other is None else (name, other)
             self._told.put(partial(numbers_html, self._case, self._before, view, named))
 
     def _write_numbers(self) -> None:
@@ -156,33 +156,33 @@ class Page:
         if view is None:
             return
         try:
-            folder = self.kept.keep(self._name.value.strip(), view)
+            folder = self.saved.keep(self._name.value.strip(), view)
         except InputError as error:
             self._said.content = line_html(str(error))
             return
         self._said.content = line_html(f"Kept: {folder}")
-        self._name.value = self.kept.free_name()
-        self._other.options = (NOTHING, *self.kept.names)
+        self._name.value = self.saved.free_name()
+        self._other.options = (NOTHING, *self.saved.names)
 
     def _compare(self) -> None:
         """Draws the chosen plan; one that was kept before the page was opened is relaxed first."""
         name = self._other.value
-        plan = self.kept.earlier.get(name)
-        if plan is not None and name not in self.kept.views and isinstance(self._sliders, SpineSliders):
+        plan = self.saved.earlier.get(name)
+        if plan is not None and name not in self.saved.views and isinstance(self._sliders, SpineSliders):
             try:
-                self.session.relax_beside(self._sliders.of_plan(plan), partial(self._found, name))
+                self.session.relax_beside(self._sliders.of_plan(plan), partial(self._add_view, name))
             except InputError as error:
                 self._said.content = line_html(f"{name}: {error}")
         self._draw_other()
 
-    def _found(self, name: str, view: PlanView) -> None:
-        self.kept.views[name] = view
+    def _add_view(self, name: str, view: PlanView) -> None:
+        self.saved.views[name] = view
         self._draw_other()
 
     def _draw_other(self) -> None:
-        kept = self.kept.views.get(self._other.value)
+        other = self.saved.views.get(self._other.value)
         with self._drawing:
-            self.scene.compare(None if kept is None else kept.skin)
+            self.scene.compare(None if other is None else other.skin)
             self._write()
 
     def _fail(self, failure: str) -> None:

@@ -229,17 +229,17 @@ class InitialGuess:
     def at(self, landmarks: np.ndarray) -> np.ndarray:
         """The field for landmarks (n, 3), shape (m, 3) [mm]."""
         nearest = int(np.argmin(self._ways(landmarks)))
-        others = [row for row in range(len(self._fields)) if row != nearest]
+        other_rows = [row for row in range(len(self._fields)) if row != nearest]
         start, field = self._landmarks[nearest], self._fields[nearest]
-        if not others:
+        if not other_rows:
             return field
-        steps = np.array([(self._landmarks[row] - start).ravel() for row in others])
-        doubt = landmarks.size * _DOUBT**2 * np.eye(len(others))
+        steps = np.array([(self._landmarks[row] - start).ravel() for row in other_rows])
+        doubt = landmarks.size * _DOUBT**2 * np.eye(len(other_rows))
         weights = np.linalg.solve(steps @ steps.T + doubt, steps @ (landmarks - start).ravel()).tolist()
-        found = (1.0 - sum(weights)) * field
-        for weight, row in zip(weights, others, strict=True):
-            found += weight * self._fields[row]
-        return found
+        estimate = (1.0 - sum(weights)) * field
+        for weight, row in zip(weights, other_rows, strict=True):
+            estimate += weight * self._fields[row]
+        return estimate
 
     def learn(self, landmarks: np.ndarray, field: np.ndarray) -> None:
         """Takes in another plan, in place of one that is as good as the same, or that another stands close to."""

@@ -23,7 +23,7 @@ MOST_NAME = 60
 """No plan has a longer name [characters]."""
 
 
-class KeptPlans:
+class SavedPlans:
     """Plans of this patient in a folder, by name; each is a case as `warp-trunk plan` writes it."""
 
     def __init__(self, folder: Path, case: Case) -> None:
@@ -79,18 +79,18 @@ class KeptPlans:
 
     def improve(self, view: PlanView) -> None:
         """Takes a better view of the same state in place of the one that was kept."""
-        self.views |= {name: view for name, kept in self.views.items() if kept.number == view.number}
+        self.views |= {name: view for name, saved in self.views.items() if saved.number == view.number}
 
 
 def _plans_in(folder: Path, case: Case) -> dict[str, Plan]:
     """The plans of a patient that lie in a folder, by name: planned cases with her landmarks before surgery."""
-    found, hers = {}, case.landmarks_before
+    plans, hers = {}, case.landmarks_before
     for path in sorted(folder.glob(f"[!.]*/{PLAN}")):
         try:
             before = read_landmarks(path.parent / "landmarks_before.csv")
             same = before.names == hers.names and np.array_equal(before.points, hers.points)
             if same and (path.parent / HEADER).exists():
-                found[path.parent.name] = read_plan(path)
+                plans[path.parent.name] = read_plan(path)
         except InputError:
             continue
-    return found
+    return plans

@@ -175,9 +175,9 @@ class Session:
                 self.planning = True
                 self._on_change()
 
-    def relax_beside(self, surgery: PlannedSurgery, found: Callable[[PlanView], None]) -> None:
-        """Passes the relaxed and measured view of another surgery to `found`, when the sliders rest."""
-        self._asides.append((self._image(0, {}, surgery), found))
+    def relax_beside(self, surgery: PlannedSurgery, pass_on: Callable[[PlanView], None]) -> None:
+        """Passes the relaxed and measured view of another surgery to `pass_on`, when the sliders rest."""
+        self._asides.append((self._image(0, {}, surgery), pass_on))
         if self._planned is not None:
             self._jobs.put(self._planned)  # wakes the solver thread
 
@@ -233,9 +233,9 @@ class Session:
                     self._learn(job, relaxed_to_the_end(), settled=True)
                     tissue.prepare()
                 while self._asides and not self._jobs.waits:
-                    other, found = self._asides[0]
+                    other, pass_on = self._asides[0]
                     tissue.go(other.surgery.planned_case(case))
-                    found(self._measured(_relaxed_view(other, relaxed_to_the_end(), settled=True)))
+                    pass_on(self._measured(_relaxed_view(other, relaxed_to_the_end(), settled=True)))
                     self._asides.popleft()
                     tissue.prepare()
             except Interrupted:

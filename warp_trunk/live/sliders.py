@@ -178,10 +178,10 @@ class SpineSliders:
             if rank(plan.uiv) <= rank(apex) <= rank(plan.liv):
                 correction, derotation = (state[f"{name} {apex}"] / 100.0 for name in ("correction", "derotation"))
                 curves.append(CurvePlan(apex, correction=correction, derotation=derotation or None))
-        kept = "kyphosis" not in state or state["kyphosis"] == self._still
-        if kept and not any(curve.correction or curve.derotation for curve in curves):
+        unchanged = "kyphosis" not in state or state["kyphosis"] == self._still
+        if unchanged and not any(curve.correction or curve.derotation for curve in curves):
             return plan
-        return replace(plan, curves=curves, kyphosis_T5_T12=None if kept else float(state["kyphosis"]))
+        return replace(plan, curves=curves, kyphosis_T5_T12=None if unchanged else float(state["kyphosis"]))
 
     def surgery(self, state: SliderState) -> PlannedSurgery:
         """The surgery that the controls ask for; InputError if the spine cannot meet it."""
@@ -199,14 +199,14 @@ class SpineSliders:
 
     def _shares(self, plan: Plan) -> dict[str, int]:
         """The values of the sliders of each curve that a plan names by any of its levels."""
-        found: dict[str, int] = {}
+        shares: dict[str, int] = {}
         for asked in plan.curves:
             curve = curve_around(asked.apex, self._curves.values(), self._levels)
             if curve is not None:
                 turned = abs(self._rotation[curve.apex] or 0.0)
-                found[f"correction {curve.apex}"] = _percent(asked.correction, asked.cobb_after, curve.angle)
-                found[f"derotation {curve.apex}"] = _percent(asked.derotation, asked.rotation_after, turned)
-        return found
+                shares[f"correction {curve.apex}"] = _percent(asked.correction, asked.cobb_after, curve.angle)
+                shares[f"derotation {curve.apex}"] = _percent(asked.derotation, asked.rotation_after, turned)
+        return shares
 
 
 def _percent(share: float | None, after: float | None, before: float) -> int:
@@ -244,11 +244,11 @@ class MotionSliders:
 
     def motions(self, state: SliderState) -> dict[str, Motion]:
         """The motions that the controls describe, by bone."""
-        return {bone: self._motion(bone, given, state) for bone, given in self._case.motions.items()}
+        return {bone: self._motion(bone, motion, state) for bone, motion in self._case.motions.items()}
 
-    def _motion(self, bone: str, given: Motion, state: SliderState) -> Motion:
-        if given.follows is not None:
-            shares = {other: state[f"{bone} {other}"] / 100.0 for other in given.follows}
+    def _motion(self, bone: str, asked: Motion, state: SliderState) -> Motion:
+        if asked.follows is not None:
+            shares = {other: state[f"{bone} {other}"] / 100.0 for other in asked.follows}
             shares = {other: share for other, share in shares.items() if share > 0.0}
             return Motion(follows=shares) if shares else _STILL
         x, y, z, *rotation = (state[f"{bone} {label}"] for label in COMPONENTS)
@@ -257,7 +257,7 @@ class MotionSliders:
             return _STILL
         axis = (rotation[0], rotation[1], rotation[2])
         turn = Turn(degrees=degrees, axis=axis, point=self._points[bone]) if degrees else None
-        return Motion(translation=(x, y, z), rotation=turn, large=given.large)
+        return Motion(translation=(x, y, z), rotation=turn, large=asked.large)
 
     def surgery(self, state: SliderState) -> MotionPlan:
         """Where the controls take the bones; InputError if they cannot move like this."""

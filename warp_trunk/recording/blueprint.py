@@ -35,7 +35,7 @@ def layout(case: Case, before: TrunkMeasures, *, actual: bool, unit: str) -> Any
 
     def trunk(name: str, when: str, *inside: str, **override: Any) -> Any:
         """A view of its own each time: the viewer wants none in two places. Bones are seen through the skin."""
-        skin, contents = f"/{when}/skin", [f"/{when}/{one}" for one in inside]
+        skin, contents = f"/{when}/skin", [f"/{when}/{name}" for name in inside]
         if contents:
             override = {"albedo_factor": GLASS, "vertex_colors": SKIN}
         worn = [f"/{when}/{part}" for part in COLOURS] if case.has_spine else []

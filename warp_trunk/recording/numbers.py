@@ -37,8 +37,8 @@ class BarPlot:
         """The plot that holds angles by level, those of the first with its levels, and whiskers beside them."""
         self.levels = tuple(angles[0])
         """Names of the rows, the first on top, rows 1 apart."""
-        known = [angle for each in angles for at, angle in each.items() if angle is not None and at in JUDGED]
-        low, high = min([0.0, *known]) - SPARE, max([1.0, *known]) + SPARE
+        degrees = [angle for each in angles for at, angle in each.items() if angle is not None and at in JUDGED]
+        low, high = min([0.0, *degrees]) - SPARE, max([1.0, *degrees]) + SPARE
         self.width = 1.25 * (len(self.levels) + 1)
         """The whole plot is this wide, from 0."""
         self.scale = 0.66 * self.width / (1.1 * (high - low))
@@ -48,8 +48,8 @@ class BarPlot:
 
     def bars(self, angles: Angles, place: int) -> list[np.ndarray]:
         """Lines (2, 2) from zero to each known angle [degrees]; `place` is 0 to 2 for the bar of a level."""
-        known = [(row + BAR * (place - 1), angles.get(level)) for row, level in enumerate(self.levels)]
-        ends = [(y, self._across(angle)) for y, angle in known if angle is not None]
+        rows = [(row + BAR * (place - 1), angles.get(level)) for row, level in enumerate(self.levels)]
+        ends = [(y, self._across(angle)) for y, angle in rows if angle is not None]
         return [np.array([[self.zero, y], [x, y]], np.float32) for y, x in ends]
 
     def _across(self, angles: float | Sequence[float]) -> np.ndarray:
@@ -105,8 +105,8 @@ class Numbers:
 
     def bands(self, rotations: Mapping[str, Measured]) -> None:
         """Logs how sure the rotations at the end are, as whiskers over their bars."""
-        known = {level: (row.low, row.high) for level, row in rotations.items()}
-        ends = {level: (low, high) for level, (low, high) in known.items() if low is not None and high is not None}
+        ends = {level: (row.low, row.high) for level, row in rotations.items()}
+        ends = {level: (low, high) for level, (low, high) in ends.items() if low is not None and high is not None}
         lines = self._plot.whiskers(ends)
         radii = rr.Radius.ui_points(0.6)
         self._log("bars/whiskers", rr.LineStrips2D(lines, radii=radii, colors=TEXT, draw_order=40.0))

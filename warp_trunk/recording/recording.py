@@ -62,13 +62,13 @@ class Recording:
         planned, skin = bone_path.at(1.0), case.skin
         carried = planned[trunk.skin_nodes]
         target_skin = case.actual_skin or skin.moved(skin.vertices + carried)
-        known = {BEFORE: before} if actual is None else {BEFORE: before, ACTUAL: actual}
-        self._before, self._still = before, MeasureTable.of(known)
+        states = {BEFORE: before} if actual is None else {BEFORE: before, ACTUAL: actual}
+        self._before, self._still = before, MeasureTable.of(states)
         blueprint = layout(case, before, actual=actual is not None, unit=unit)
         self._streams = open_streams(case.name, self.path, live, blueprint)
         most = float(np.percentile(np.linalg.norm(carried, axis=1), 99.5))
         self._scene = scene = Scene(self._log, case, trunk, before, most)
-        self._numbers = Numbers(self._log, self._still, before, tuple(known))
+        self._numbers = Numbers(self._log, self._still, before, tuple(states))
         scene.still("before", skin, np.zeros_like(planned), case.landmarks_before.points)
         scene.still("target", target_skin, planned, case.planned_landmarks.points)
         scene.section(BEFORE, before, self._still, GREY, static=True)

@@ -190,8 +190,8 @@ def view_in_browser(recording: Path) -> int:
 
 def address(server: ThreadingHTTPServer) -> str:
     """Where the page shows the recording."""
-    here = f"http://{LOOPBACK}:{server.server_port}"
-    return f"{here}/?url={here}/recording.rrd&hide_welcome_screen=1"
+    server_address = f"http://{LOOPBACK}:{server.server_port}"
+    return f"{server_address}/?url={server_address}/recording.rrd&hide_welcome_screen=1"
 
 
 def page_server(recording: Path) -> ThreadingHTTPServer:

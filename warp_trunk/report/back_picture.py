@@ -40,14 +40,14 @@ def back_picture(measures: BackMeasures, scan: BackPoints) -> bytes:
         for points, colour, words in parts:
             some = points[:: 1 + len(points) // _SHOWN]
             axes.scatter(some[:, 0], some[:, 2], s=0.6, linewidths=0, color=colour, label=words)
-        for level, one in measures.levels.items():
-            if one is None:
+        for level, at in measures.levels.items():
+            if at is None:
                 continue
-            if one.tangent is not None:
-                ends = np.stack([one.tangent.left, one.tangent.right])
-                axes.plot(ends[:, 0], [one.height] * 2, color=INK, lw=0.9, marker="o", ms=2.0)
-            words = level if one.tangent is not None else f"{level} –"
-            axes.annotate(words, (high[0] - 5.0, one.height), fontsize=7, color=INK, ha="right", va="center")
+            if at.tangent is not None:
+                ends = np.stack([at.tangent.left, at.tangent.right])
+                axes.plot(ends[:, 0], [at.height] * 2, color=INK, lw=0.9, marker="o", ms=2.0)
+            words = level if at.tangent is not None else f"{level} –"
+            axes.annotate(words, (high[0] - 5.0, at.height), fontsize=7, color=INK, ha="right", va="center")
         axes.set(xlim=(low[0], high[0]), ylim=(low[2], high[2]), aspect="equal", xlabel="to the left [mm]")
         axes.set_ylabel("up [mm]")
         axes.legend(loc="lower left", fontsize=7, markerscale=8.0, frameon=True)

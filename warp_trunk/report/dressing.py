@@ -11,12 +11,12 @@ from .style import TrunkState, Worn
 def dressed(poses: Sequence[TrunkState]) -> list[TrunkState]:
     """States of one trunk with their clothes; the first is before surgery, and all with its triangles are rounded
     where it is."""
-    part, found = soft(poses[0].skin), []
+    part, clothed = soft(poses[0].skin), []
     for pose in poses:
         if pose.worn is not None:
-            found.append(pose)
+            clothed.append(pose)
             continue
         same = len(pose.skin.vertices) == len(part)
         skin = softened(pose.skin, part if same else soft(pose.skin))
-        found.append(replace(pose, worn=Worn(skin, cloth_of(skin, pose.landmarks))))
-    return found
+        clothed.append(replace(pose, worn=Worn(skin, cloth_of(skin, pose.landmarks))))
+    return clothed

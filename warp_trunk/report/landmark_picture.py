@@ -59,7 +59,7 @@ _VIEWS = (
 )
 
 
-def landmark_picture(bones: Mapping[str, Surface], found: FoundLandmarks, skin: Surface | None = None) -> bytes:
+def landmark_picture(bones: Mapping[str, Surface], placed: FoundLandmarks, skin: Surface | None = None) -> bytes:
     """A picture on which a surgeon sees whether landmarks lie where they should, as a PNG file.
 
     Bones are seen through, as on a film: landmarks are drawn over all of them. Vertebrae whose landmarks
@@ -67,12 +67,12 @@ def landmark_picture(bones: Mapping[str, Surface], found: FoundLandmarks, skin: 
 
     Args:
         bones: those that landmarks were looked for on [mm]; others than vertebrae and hip bones are not drawn.
-        found: what `find_landmarks` found on them.
+        placed: what `find_landmarks` found on them.
         skin: drawn behind the bones [mm], where it is given.
     """
     drawn = {name: bones[name] for name in (*ASIS.values(), *VERTEBRAE) if name in bones}
     every = np.vstack([bone.vertices for bone in drawn.values()])
-    told = np.vstack([found.landmarks.points, *(drawn[name].vertices for name in drawn if name in VERTEBRAE)])
+    told = np.vstack([placed.landmarks.points, *(drawn[name].vertices for name in drawn if name in VERTEBRAE)])
     every = every[every[:, 2] >= told[:, 2].min()]  # what is lower of the hip bones shows nothing
     if skin is not None:
         every = np.vstack([every, skin.vertices])
@@ -80,7 +80,7 @@ def landmark_picture(bones: Mapping[str, Surface], found: FoundLandmarks, skin: 
     tall = (spans[0][1] - spans[0][0])[1] * _MM
     wide = [float((high - low)[0]) * _MM for low, high in spans]
     width, start, lines = sum(wide), 0.0, []
-    for name, why in found.unsure.items():
+    for name, why in placed.unsure.items():
         text = f"{name}: not found: {why}"
         lines += textwrap.wrap(text, int(15.0 * width), subsequent_indent="    ")
     below, above = _LINE * (len(lines) + 2.5), 2.0 * _LINE
@@ -93,8 +93,8 @@ def landmark_picture(bones: Mapping[str, Surface], found: FoundLandmarks, skin: 
             axes.set_axis_off()
             if skin is not None:
                 _draw_bone(axes, view, skin, _SKIN, FAINT, order=0)
-            _draw_bones(axes, view, drawn, found)
-            _draw_landmarks(axes, view, found)
+            _draw_bones(axes, view, drawn, placed)
+            _draw_landmarks(axes, view, placed)
             for text, at, align in zip(view.sides, (low[0] + 4.0, high[0] - 4.0), ("left", "right"), strict=True):
                 axes.text(at, high[1] - 7.0, text, color=FAINT, ha=align, va="center")
             start += own
@@ -107,12 +107,12 @@ def landmark_picture(bones: Mapping[str, Surface], found: FoundLandmarks, skin: 
         return file_of(figure, "png")
 
 
-def _draw_bones(axes: Axes, view: _View, drawn: Mapping[str, Surface], found: FoundLandmarks) -> None:
+def _draw_bones(axes: Axes, view: _View, drawn: Mapping[str, Surface], placed: FoundLandmarks) -> None:
     """Each bone shaded, with its outline, the farthest first but vertebrae over hip bones; their names beside."""
     edge = max(view.flat(bone.vertices)[:, 0].max() for name, bone in drawn.items() if name in VERTEBRAE)
     centres = {name: bone.vertices.mean(axis=0) for name, bone in drawn.items()}
     for name in sorted(drawn, key=lambda name: (name in VERTEBRAE, float(centres[name] @ view.viewer))):
-        doubted = name in found.unsure
+        doubted = name in placed.unsure
         _draw_bone(axes, view, drawn[name], _DOUBTED if doubted else _BONE, DOUBT if doubted else FAINT)
         if name in VERTEBRAE:
             text, colour, line = (f"{name} ?", DOUBT, DOUBT) if doubted else (name, INK, "#cccccc")
@@ -145,9 +145,9 @@ def _coarser(bone: Surface) -> Surface:
     return Surface(middle, faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)].astype(np.int32))
 
 
-def _draw_landmarks(axes: Axes, view: _View, found: FoundLandmarks) -> None:
+def _draw_landmarks(axes: Axes, view: _View, placed: FoundLandmarks) -> None:
     """Triangles that point up are the upper of two points of a kind, those that point down the lower."""
-    marks = found.landmarks
+    marks = placed.landmarks
     for kind, colour in KIND_COLOURS.items():
         for marker, word in (("^", "superior"), ("v", "inferior")) if kind != "asis" else (("D", ""),):
             own = [i for i, name in enumerate(marks.names) if kind in name and word in name]

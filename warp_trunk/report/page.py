@@ -133,15 +133,15 @@ def environment(*packages: str) -> Environment:
     """The templates of some packages; all that they are given is escaped. Their filter `number` takes a format."""
     from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
-    found = Environment(
+    templates = Environment(
         loader=ChoiceLoader([PackageLoader("warp_trunk", package) for package in packages]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    found.filters["number"] = lambda value, form: MISSING if value is None else format(value, form)
-    return found
+    templates.filters["number"] = lambda value, form: MISSING if value is None else format(value, form)
+    return templates
 
 
 def rendered(template: str, drawings: Mapping[str, bytes], **values: Any) -> str:
@@ -199,17 +199,17 @@ def measure_table(result: Result, states: Sequence[str], plan: Plan | None) -> l
 
     def cells(row: MeasureRow) -> list[str]:
         row = replace(row, fixed=fixed.get((row.quantity.key, row.level), ""))
-        title, was, will, *others = row.compared_cells()
+        title, was, will, *rest = row.compared_cells()
         if row.quantity.largest_of and (larger := table.elsewhere(PREDICTED, row.quantity.key)):
             title += f"; predicted largest at {larger.level}, {row.text(larger.value)}"
-        return [title, was, will, *([row.interval] if banded else []), *others]
+        return [title, was, will, *([row.interval] if banded else []), *rest]
 
     return under_headings(groups, cells)
 
 
 def in_numbers(shown: Sequence[Headline]) -> str:
     """The headlines in one line, for readers who cannot see the pictures."""
-    return "; ".join(f"{one.name}: {one.text}" + (f", {one.word}" if one.word else "") for one in shown)
+    return "; ".join(f"{line.name}: {line.text}" + (f", {line.word}" if line.word else "") for line in shown)
 
 
 def sheet_of(result: Result) -> str:
@@ -227,17 +227,17 @@ def plan_of_result(result: Result) -> Plan | None:
 
 def band_table(table: MeasureTable, bands: Bands) -> list[list[str]]:
     """Every number that has an interval: of the skin, then of the planned spine."""
-    found = []
+    rows = []
     for quantity in QUANTITIES.values():
         for level, row in table.column(PREDICTED, quantity.key).items():
             if row.low is None:
                 continue
             met = table.column(EXACT, quantity.key).get(level)
-            value, low, high = (value_text(quantity, one) for one in (row.value, row.low, row.high))
+            value, low, high = (value_text(quantity, end) for end in (row.value, row.low, row.high))
             linear = "no" if (quantity.key, level) in bands.nonlinear else "yes" if quantity.of_skin else ""
             title = f"{quantity.label_at(level)} [{quantity.unit}]"
-            found.append([title, value, number(row.sd), low, high, number(met and met.sd), linear])
-    return found
+            rows.append([title, value, number(row.sd), low, high, number(met and met.sd), linear])
+    return rows
 
 
 def source_table(bands: Bands, place: str) -> list[list[str]]:

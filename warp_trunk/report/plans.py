@@ -47,14 +47,14 @@ def check_plans(results: Sequence[Result]) -> None:
         raise InputError(f"{twice[0]}: is given twice; give every plan once")
     first = results[0]
     for folder, result in zip(folders, results, strict=True):
-        ours, theirs = first.landmarks_before, result.landmarks_before
-        if not theirs.names:
+        ours, its = first.landmarks_before, result.landmarks_before
+        if not its.names:
             raise InputError(
                 f"{folder}: has no landmarks of a spine to compare; write a report of each result alone"
             )
-        pairs = (first.skin_before.vertices, result.skin_before.vertices), (ours.points, theirs.points)
-        same = ours.names == theirs.names and all(
-            one.shape == other.shape and np.abs(one - other).max() <= SAME for one, other in pairs
+        pairs = (first.skin_before.vertices, result.skin_before.vertices), (ours.points, its.points)
+        same = ours.names == its.names and all(
+            a.shape == other.shape and np.abs(a - other).max() <= SAME for a, other in pairs
         )
         if not same:
             raise InputError(
@@ -118,7 +118,7 @@ def plans_page(
         glance_rows=glance_table(table, results[0].measures_before.cobb, states, fixed),
         sheet=" and ".join(dict.fromkeys(map(sheet_of, results))),
         joined=any(plans),
-        apart_head=["", *dict.fromkeys(one.title for one in apart)],
+        apart_head=["", *dict.fromkeys(gap.title for gap in apart)],
         apart_rows=apart_table(apart),
     )
 
@@ -160,25 +160,25 @@ def apart_of(
     interval of a difference comes from the difference of the effects of each (`Effects.difference_sd`).
     """
     rows = [row for group in groups.values() for row in group if row.short]
-    found = []
-    for one, other in combinations(range(len(effects)), 2):
-        a, b = effects[one], effects[other]
+    gaps = []
+    for i, other in combinations(range(len(effects)), 2):
+        a, b = effects[i], effects[other]
         sds = {} if a is None or b is None else a.difference_sd(b)
-        title = " against ".join(states[1 + number].removeprefix("plan ") for number in (one, other))
+        title = " against ".join(states[1 + number].removeprefix("plan ") for number in (i, other))
         for row in rows:
-            first, second = row.values[1 + one], row.values[1 + other]
+            first, second = row.values[1 + i], row.values[1 + other]
             if first is not None and second is not None:
                 value, sd = first - second, sds.get((row.quantity.key, row.level))
                 ends = (None, None) if sd is None else (value - WIDTH * sd, value + WIDTH * sd)
-                found.append(Apart(row, title, value, (first, second), *ends))
-    return found
+                gaps.append(Apart(row, title, value, (first, second), *ends))
+    return gaps
 
 
 def apart_table(apart: Sequence[Apart]) -> list[list[str]]:
     """Each difference with its interval; what cannot be seen is alike, what is not certain is not known."""
-    titles, table = [*dict.fromkeys(one.title for one in apart)], dict[str, dict[str, str]]()
-    for one in apart:
-        table.setdefault(one.row.title, {})[one.title] = apart_text(one)
+    titles, table = [*dict.fromkeys(gap.title for gap in apart)], dict[str, dict[str, str]]()
+    for gap in apart:
+        table.setdefault(gap.row.title, {})[gap.title] = apart_text(gap)
     return [[name, *(cells.get(title, MISSING) for title in titles)] for name, cells in table.items()]
 
 
@@ -230,13 +230,13 @@ def numbers_table(
 
     def cells(row: MeasureRow) -> list[str]:
         words = [plan.get((row.quantity.key, row.level), "") for plan in plans]
-        title, *found = replace(row, fixed=words[-1]).cells()
-        for place, known in enumerate(row.numbers):
-            text = words[place] or (interval_text(known, sided=row.quantity.side) if row.is_known(place) else "")
+        title, *texts = replace(row, fixed=words[-1]).cells()
+        for place, change in enumerate(row.numbers):
+            text = words[place] or (interval_text(change, sided=row.quantity.side) if row.is_known(place) else "")
             larger = table.elsewhere(states[place], row.quantity.key) if row.quantity.largest_of else None
             more = "" if larger is None else f"; largest at {larger.level}, {row.text(larger.value)}"
-            found[place] += (f" ({text})" if text else "") + more
-        return [title, *found]
+            texts[place] += (f" ({text})" if text else "") + more
+        return [title, *texts]
 
     return under_headings(groups, cells)
 
@@ -254,17 +254,17 @@ def glance_table(
     ]
     lines: dict[tuple[str, str], list[str]] = {}
     for place, shown in enumerate(by_plan):
-        for one in shown:
-            row = lines.setdefault((one.key, one.level), [one.subject, *[MISSING] * len(by_plan)])
-            parts = [one.text, one.word, one.note, f"19 of 20: {one.interval}" if one.interval else ""]
+        for line in shown:
+            row = lines.setdefault((line.key, line.level), [line.subject, *[MISSING] * len(by_plan)])
+            parts = [line.text, line.word, line.note, f"19 of 20: {line.interval}" if line.interval else ""]
             row[1 + place] = "; ".join(dict.fromkeys(filter(None, parts)))
     return [*lines.values()]
 
 
 def differences(poses: Sequence[TrunkState], apart: Sequence[Apart]) -> list[str]:
     """A sentence for each measure by which plans differ, and a last one on what is alike."""
-    rows = {one.row.title: one.row for one in apart}
-    different = {one.row.title for one in apart if one.differs}
+    rows = {gap.row.title: gap.row for gap in apart}
+    different = {gap.row.title for gap in apart if gap.differs}
     lines = [f"{row.name}: {_listed(row, poses[1:])}." for title, row in rows.items() if title in different]
     first = poses[1]
     for plan in poses[2:]:

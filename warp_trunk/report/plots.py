@@ -63,9 +63,9 @@ def _extent(poses: Sequence[TrunkState], *, bands: bool) -> tuple[float, float]:
     """Ends of the axis that hold every rotation of the levels that are judged, T3 to L5 [degrees]."""
     rows = [row for pose in poses for level, row in pose.column("bsr_deg").items() if level in JUDGED]
     ends = [end for row in rows for end in ((row.low, row.value, row.high) if bands else (row.value,))]
-    known = [-2.0, 2.0, *(end for end in ends if end is not None)]
-    spare = 0.05 * (max(known) - min(known))
-    return min(known) - spare, max(known) + spare
+    values = [-2.0, 2.0, *(end for end in ends if end is not None)]
+    spare = 0.05 * (max(values) - min(values))
+    return min(values) - spare, max(values) + spare
 
 
 def convergence_plot(summary: Summary) -> Figure:
@@ -76,10 +76,10 @@ def convergence_plot(summary: Summary) -> Figure:
     start, points = 0.0, []
     for row in summary.increments:
         steps = row.history or [row]  # without a history, its end
-        known = [(start + s.seconds, s.estimated_error_mm) for s in steps if s.estimated_error_mm]
-        if known:
-            points += known
-            axes.plot(*zip(*known, strict=True), color=PREDICTED.colour, marker=PREDICTED.marker, markersize=3.5)
+        errors = [(start + s.seconds, s.estimated_error_mm) for s in steps if s.estimated_error_mm]
+        if errors:
+            points += errors
+            axes.plot(*zip(*errors, strict=True), color=PREDICTED.colour, marker=PREDICTED.marker, markersize=3.5)
         start += row.seconds
         axes.axvline(start, color="#dddddd", linewidth=0.6, zorder=0)
     tolerance = summary.parameters.get("tolerance") or 0.0

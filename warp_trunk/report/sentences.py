@@ -76,7 +76,7 @@ def sentences(
 
 def questions(shown: Sequence[Headline], plan: Plan | None) -> list[str]:
     """Questions that a patient may ask her surgeon about this prediction."""
-    named = {one.word: _SUBJECTS[one.key] for one in reversed(shown) if one.key in _SUBJECTS}
+    named = {headline.word: _SUBJECTS[headline.key] for headline in reversed(shown) if headline.key in _SUBJECTS}
     asked = []
     if worse := named.get("visibly worse") or named.get(ELSEWHERE):
         asked.append(f"The {worse} may look worse than now. Would another plan avoid that?")
@@ -124,7 +124,7 @@ def planned(
         return " ".join([*kind, f"The curves of the spine go {_listed(followed)}."])
     asked, texts = planned_curves(plan, curves, levels), kind
     for of_plan, text in ((True, "The plan takes the curve{s} {}."), (False, "The other curve{s} follow{v}: {}.")):
-        if some := [one for one in followed if (one[0] in asked) == of_plan]:
+        if some := [followed_curve for followed_curve in followed if (followed_curve[0] in asked) == of_plan]:
             several = len(some) > 1
             texts.append(text.format(_listed(some), s="s" * several, v="" if several else "s"))
     return " ".join(texts)
@@ -177,8 +177,8 @@ def _listed(curves: Sequence[tuple[CobbAngle, Measured]]) -> str:
     """The Cobb angles of each curve before and after."""
     each = []
     for curve, after in curves:
-        known = after.value is not None and is_known(QUANTITIES["cobb_deg"], after, curve.angle)
-        size = f"to {after.value:.0f} degrees" if known else f"degrees to an angle that is {NOT_KNOWN}"
+        is_sure = after.value is not None and is_known(QUANTITIES["cobb_deg"], after, curve.angle)
+        size = f"to {after.value:.0f} degrees" if is_sure else f"degrees to an angle that is {NOT_KNOWN}"
         each.append(f"from {curve.angle:.0f} {size} ({curve.upper} to {curve.lower}, to the {curve.convex})")
     return minus(listed(each))
 
@@ -192,20 +192,20 @@ def _groups(shown: Sequence[Headline]) -> str:
     """The headlines of the back by their word, in one sentence."""
     parts = []
     for word, text in _WORDS.items():
-        nouns = [_SUBJECTS[one.key] for one in shown if one.word == word and one.key in _SUBJECTS]
+        nouns = [_SUBJECTS[line.key] for line in shown if line.word == word and line.key in _SUBJECTS]
         parts += [f"{text.lower() if parts else text}: {listed(nouns)}"] if nouns else []
     return f"{'; '.join(parts)}." if parts else "The back could not be measured."
 
 
 def _waist_and_hump(shown: Sequence[Headline]) -> str:
     """The change of waist and hump, as far as that is known."""
-    known = {one.key: one for one in shown if one.is_known}
+    by_key = {line.key: line for line in shown if line.is_known}
     parts = []
     for key, words in (("waist_height_mm", "higher"), ("waist_depth_mm", "deeper")):
-        if one := known.get(key):
-            parts.append(f"{_more(one.value, words)} instead of {_more(one.before, words)}")
+        if line := by_key.get(key):
+            parts.append(f"{_more(line.value, words)} instead of {_more(line.before, words)}")
     text = [f"the waist is {listed(parts)}"] if parts else []
-    if hump := known.get("main_hump_mm"):
+    if hump := by_key.get("main_hump_mm"):
         now, before = map(_on_side, (hump.value, hump.before))
         larger = f", {hump.note}" if hump.note else ""
         text.append(f"the hump at {hump.level} is {now} instead of {before}{larger}")
@@ -214,16 +214,16 @@ def _waist_and_hump(shown: Sequence[Headline]) -> str:
 
 def _upright(shown: Sequence[Headline]) -> str:
     """The change of shoulders and balance, as far as that is known."""
-    known = {one.key: one for one in shown if one.is_known}
+    by_key = {line.key: line for line in shown if line.is_known}
     text = []
-    if one := known.get("shoulder_difference_mm"):
-        text.append(f"the shoulders differ in height by {_higher(one.value)} instead of {_higher(one.before)}")
-    if one := known.get("trunk_shift_mm"):
-        place = _beside(one.value)
-        same = one.fixed and round(one.value) == round(one.before)
+    if line := by_key.get("shoulder_difference_mm"):
+        text.append(f"the shoulders differ in height by {_higher(line.value)} instead of {_higher(line.before)}")
+    if line := by_key.get("trunk_shift_mm"):
+        place = _beside(line.value)
+        same = line.fixed and round(line.value) == round(line.before)
         text.append(
-            f"the top of the spine stays {place}, {one.fixed}" if same
-            else f"the top of the spine stands {place} instead of {_beside(one.before)}"
+            f"the top of the spine stays {place}, {line.fixed}" if same
+            else f"the top of the spine stands {place} instead of {_beside(line.before)}"
         )  # fmt: skip
     return _sentence(text)
 

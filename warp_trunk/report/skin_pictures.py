@@ -48,14 +48,14 @@ def looks(
 ) -> tuple[Window, list[Relief]]:
     """The relief of every pose from one side above a height [mm], in one window, as it is dressed."""
     seen = window([(pose.skin, pose.landmarks) for pose in poses], pixel, view)
-    seen, found = Window(seen.x, seen.z[seen.z > lowest], seen.pixel), []
+    seen, reliefs = Window(seen.x, seen.z[seen.z > lowest], seen.pixel), []
     for pose in poses:
         skin, cloth = pose.skin, None
         if pose.worn is not None:
             skin = pose.worn.skin
             cloth = None if wear == "nothing" else cloth_surfaces(pose.worn.cloth, shirt=wear == "shirt")
-        found.append(relief(skin, pose.landmarks, seen, view, cloth))
-    return seen, found
+        reliefs.append(relief(skin, pose.landmarks, seen, view, cloth))
+    return seen, reliefs
 
 
 def back_picture(
@@ -93,9 +93,9 @@ def hatch_invented(
     plots: Sequence[Axes], poses: Sequence[TrunkState], reliefs: Sequence[Relief], seen: Window
 ) -> None:
     """Hatch the skin of every pose that was not measured."""
-    for axes, pose, one in zip(plots, poses, reliefs, strict=False):
+    for axes, pose, look in zip(plots, poses, reliefs, strict=False):
         if pose.unseen is not None:
-            hatch(axes, seen, np.where(one.cloth == 0, np.nan_to_num(one.values(pose.unseen)), 0.0))
+            hatch(axes, seen, np.where(look.cloth == 0, np.nan_to_num(look.values(pose.unseen)), 0.0))
 
 
 def lines(axes: Axes, seen: Window, values: np.ma.MaskedArray, levels: Sequence[float], style: str) -> None:
@@ -113,12 +113,12 @@ def plain_picture(
     seen, reliefs = looks(poses, view, lowest=lowest, wear=wear)
     headings = [pose.look.heading for pose in poses]
     images = []
-    for pose, one in zip(poses, reliefs, strict=True):
+    for pose, look in zip(poses, reliefs, strict=True):
         own, unseen, skin = pose.skin.colours, pose.unseen, CLAY
         if own is not None:
-            skin = np.nan_to_num(np.stack([one.values(band / 255.0) for band in own.T], axis=2))
-        part = None if unseen is None else np.nan_to_num(one.values(unseen))
-        images.append(shaded(one, GREY, part, skin))
+            skin = np.nan_to_num(np.stack([look.values(band / 255.0) for band in own.T], axis=2))
+        part = None if unseen is None else np.nan_to_num(look.values(unseen))
+        images.append(shaded(look, GREY, part, skin))
     figure, plots = panels(headings, seen.extent, view, images)
     hatch_invented(plots, poses, reliefs, seen)
     return figure, plots
@@ -132,11 +132,11 @@ def shoulders_picture(poses: Sequence[TrunkState]) -> Figure | None:
     tops = [seen_from(pose.landmarks.of_bone("T1").points, pose.landmarks, FRONT).mean(axis=0) for pose in poses]
     figure, plots = plain_picture(poses, FRONT, min(z for _, _, z in tops) - BUST)
     for axes, pose, (x, _, z) in zip(plots, poses, tops, strict=True):
-        found, colour = pose.measures.shoulders, pose.look.colour
-        if found is None:
+        shoulders, colour = pose.measures.shoulders, pose.look.colour
+        if shoulders is None:
             continue
-        for height, sign in ((found.right, 1.0), (found.left, -1.0)):  # the right side is on the left
-            outer, inner = x + sign * found.outer, x + sign * found.inner
+        for height, sign in ((shoulders.right, 1.0), (shoulders.left, -1.0)):  # the right side is on the left
+            outer, inner = x + sign * shoulders.outer, x + sign * shoulders.inner
             axes.plot([outer, inner], [z + height] * 2, color=colour, linewidth=2.2)
             axes.plot([inner, x], [z + height] * 2, color=colour, linewidth=0.8, linestyle=":")
         row, was = pose.main("shoulder_difference_mm"), poses[0].number("shoulder_difference_mm")
@@ -214,7 +214,7 @@ def values_picture(
 
 def hump_limit(poses: Sequence[TrunkState], painted: Sequence[Painted]) -> float:
     """Where the scale of the hump ends that holds all poses [mm]."""
-    largest = [float(np.nanmax(np.where(part > 0.5, abs(one), 0.0))) for one, part in painted]
+    largest = [float(np.nanmax(np.where(part > 0.5, abs(difference), 0.0))) for difference, part in painted]
     return scale_limit([*largest, *(abs(row.value or 0.0) for pose in poses for row in humps_of(pose))])
 
 

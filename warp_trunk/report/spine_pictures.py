@@ -56,19 +56,19 @@ def spine_picture(poses: Sequence[TrunkState], view: Viewpoint, fused: Sequence[
         _vertebrae(axes, spine, INK, joined)
         if view is BEHIND:
             for curve in poses[0].measures.cobb:
-                angle = _known(poses, pose, "cobb_deg", curve.ends)
+                angle = _angle_text(poses, pose, "cobb_deg", curve.ends)
                 hollow = 1.0 if curve.convex == "right" else -1.0  # x is positive to the patient's left
                 ends = curve.upper, curve.lower
                 _angle(axes, spine, ends, angle, hollow, -4.0 * hollow, size=11, weight="bold")
         elif view is RIGHT:
             for name, ends, hollow in (("kyphosis", ("T5", "T12"), -1.0), ("lordosis", ("L1", "L5"), 1.0)):
-                angle = _known(poses, pose, f"{name}_deg", "-".join(ends), fixed=bool(joined))
+                angle = _angle_text(poses, pose, f"{name}_deg", "-".join(ends), fixed=bool(joined))
                 named = f"{name}\n{ends[0]} to {ends[1]}\n"
                 _angle(axes, spine, ends, angle, hollow, 3.0 * hollow, named, size=8.5)
     return figure
 
 
-def _known(
+def _angle_text(
     poses: Sequence[TrunkState], pose: TrunkState, key: str, level: str, *, fixed: bool = False
 ) -> str | None:
     """An angle as text, in words where its interval is wider than what it says and no plan fixes it; None where it
@@ -76,8 +76,8 @@ def _known(
     row, was = pose.column(key).get(level), poses[0].number(key, level)
     if row is None or row.value is None:
         return None
-    known = fixed or pose is poses[0] or is_known(QUANTITIES[key], row, was)
-    return f"{row.value:.0f}°" if known else NOT_KNOWN
+    sure = fixed or pose is poses[0] or is_known(QUANTITIES[key], row, was)
+    return f"{row.value:.0f}°" if sure else NOT_KNOWN
 
 
 def _vertebrae(axes: Axes, spine: Boxes, colour: str, fused: Sequence[str]) -> None:
@@ -89,7 +89,7 @@ def _vertebrae(axes: Axes, spine: Boxes, colour: str, fused: Sequence[str]) -> N
             facing = unit(np.cross(c - a, d - b))[1]
             if facing > 0.0:
                 faces.append((corners[list(face)], facing, FUSED if level in fused else BONE))
-    for face, facing, bone in sorted(faces, key=lambda one: one[0][:, 1].mean()):
+    for face, facing, bone in sorted(faces, key=lambda shown_face: shown_face[0][:, 1].mean()):
         shade = (0.72 + 0.28 * facing) * bone
         axes.add_patch(Polygon(face[:, [0, 2]], closed=True, facecolor=shade, edgecolor=colour, linewidth=0.7))
     rods = np.array([spine[level][1] for level in spine if level in fused]).reshape(-1, 2, 3)

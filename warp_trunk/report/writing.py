@@ -84,8 +84,8 @@ def _whole(result: Result, folder: Path, bare: bool) -> str:
         doubtful = skins.at_vertices(result.skin, change.doubtful.astype(np.float64))
     more, hump = [], poses[1].main("main_hump_mm")
     was = None if hump is None else poses[0].number("main_hump_mm", hump.level)
-    known = hump is not None and is_known(QUANTITIES["main_hump_mm"], hump, was)
-    if result.effects is not None and hump is not None and known and result.converged:
+    sure = hump is not None and is_known(QUANTITIES["main_hump_mm"], hump, was)
+    if result.effects is not None and hump is not None and sure and result.converged:
         more = _likely(poses, result, result.effects.likely_worse, hump)
     figures, trunk = _backs(poses, doubtful, more, bare=bare)
     fused = [(), () if plan is None else fused_levels(plan)]
@@ -117,18 +117,18 @@ def _likely(poses: Sequence[TrunkState], result: Result, worse: np.ndarray, hump
 
     None where the hump does not change with it as it should: errors act unevenly there, and no picture is right.
     """
-    (before, predicted, *_), found = poses, []
+    (before, predicted, *_), likely = poses, []
     for look, sign in ((BETTER, -1.0), (WORSE, 1.0)):
         skin = predicted.skin.moved(predicted.skin.vertices + sign * worse)
         measures = result.states[look.title]
         table = MeasureTable(measured(look.state, measures, before.measures))
-        found.append(TrunkState(look, skin, predicted.landmarks, measures, table, predicted.unseen))
+        likely.append(TrunkState(look, skin, predicted.landmarks, measures, table, predicted.unseen))
     better, own, worst = (
-        abs(one.measures.hump_height.get(hump.level) or 0.0) for one in (found[0], predicted, found[1])
+        abs(state.measures.hump_height.get(hump.level) or 0.0) for state in (likely[0], predicted, likely[1])
     )
     expected = LIKELY * hump.sd
     change = own - max(better, 0.0) if own > expected else expected, worst - own
-    return found if all(abs(one - expected) <= 0.5 * expected for one in change) else []
+    return likely if all(abs(size - expected) <= 0.5 * expected for size in change) else []
 
 
 def _part(result: Result, folder: Path) -> str:
