@@ -1,0 +1,535 @@
+"""Samples small faults (mutants) of the program by seed, and counts how many of them the fast tests see.
+
+    uv run python scripts/sample_mutants.py --out results/mutants --seed 1 --each 30 --jobs 16
+
+Each test file runs once under coverage. A mutant is then given to the test files that execute its statement: first
+to those in the folder of its package, then to the others, the quick ones first, until a test fails. A mutant of a
+statement that no test executes survives at once. Each worker changes its own copy of the tree. Outcomes are
+written as they come, so a run that was stopped goes on where it ended. `mutants.md` under --out then holds the
+rates and the survivors; a word that is written behind a survivor there is kept by the next run.
+
+Operators are those of cosmic-ray that `[tool.cosmic-ray]` in pyproject.toml leaves, and three below. The rule
+`_left_out` leaves out what is written for people or type checkers (docstrings, annotations), the style of
+pictures, and guards against a programmer's fault.
+"""
+
+import ast
+import contextlib
+import difflib
+import hashlib
+import itertools
+import json
+import os
+import queue
+import random
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+import tomllib
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import asdict, dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import coverage
+import parso.python.tree as syntax
+import tyro
+from cosmic_ray.ast import ast_nodes, get_ast
+from cosmic_ray.mutating import mutate_code
+from cosmic_ray.operators.provider import OperatorProvider
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("results", "run", "report", "recording", "live", "cohort", "cli", "case", "meshing", "measures")
+PYTEST = (sys.executable, "-m", "pytest", "-q", "--no-header", "--tb=no", "-rfE", "-p", "no:cacheprovider")
+
+STYLE_ARGUMENTS = re.compile(
+    r"alpha|antialiased|\w*pad|bbox\w*|c|capsize|cmap|\w*colors?|dpi|figsize|font\w+|frameon|gridspec_kw|ha|layout"
+    r"|line(style|width)s?|loc|lw|ls|marker(size)?|ms|s|style|va|\w+_ratios|[hw]space|zorder|help|metavar"
+)
+"""Keyword arguments that style a picture or word a help text."""
+STYLE_CALLS = re.compile(
+    r"(.*\.)?(grid|tick_params|set_axis_off|set_aspect|legend|subplots_adjust|tight_layout|cast)"
+)
+"""Methods of matplotlib that style a picture, and what is for type checkers."""
+STYLE_NAMES = re.compile(r"_?[A-Z_]*(COLOU?RS?|DPI|FONT|WIDTH|SIZE|STYLE|GRE[AY]|ALPHA|MARGIN|RADIUS)[A-Z_]*")
+"""Names of constants that style a picture."""
+COLOUR = re.compile(r"\(\d+, \d+, \d+\)")
+GUARDS = re.compile(r"strict|frozen|kw_only|slots|eq")
+"""Keyword arguments of `zip` and `dataclass` that guard against a programmer's fault and change no result."""
+NO_EFFECT = re.compile(r"(.*\.)?(cache|lru_cache|cached_property|overload|override|final|dataclass)(\(.*)?")
+"""Decorators that change no result when they go, only the time until it is there, or stop every import."""
+
+
+class DropKeyword:
+    """Drops a keyword argument of a call: an option that is accepted and ignored."""
+
+    def mutation_positions(self, node: Any) -> Iterator[Any]:
+        for argument in self._arguments(node):
+            yield argument.start_pos, argument.end_pos
+
+    def mutate(self, node: Any, index: int) -> Any:
+        argument = self._arguments(node)[index]
+        place = node.children.index(argument)
+        comma = [place + 1] if node.type == "arglist" and place + 1 < len(node.children) else []
+        node.children = [child for i, child in enumerate(node.children) if i != place and i not in comma]
+        return node
+
+    @staticmethod
+    def _arguments(node: Any) -> list[Any]:
+        if node.type not in {"arglist", "trailer"}:
+            return []
+        return [child for child in node.children if child.type == "argument" and child.children[1] == "="]
+
+
+class DropCall:
+    """Drops a statement that is a call: a warning that vanishes, a file that is not written."""
+
+    def mutation_positions(self, node: Any) -> Iterator[Any]:
+        call = (
+            node.type == "simple_stmt" and node.children[0].type == "atom_expr" and node.children[0].children[-1]
+        )
+        if call and call.get_code().startswith("("):
+            yield node.start_pos, node.end_pos
+
+    def mutate(self, node: Any, index: int) -> Any:
+        first = node.get_first_leaf()
+        node.children[0] = syntax.Keyword("pass", first.start_pos, prefix=first.prefix)
+        return node
+
+
+class ExchangeSides:
+    """Exchanges left and right in a text or an attribute's name."""
+
+    def mutation_positions(self, node: Any) -> Iterator[Any]:
+        text = node.type in {"string", "fstring_string"} and re.search(r"\b(left|right)\b", node.value)
+        if text or (node.type == "name" and node.value in {"left", "right"} and node.get_previous_leaf() == "."):
+            yield node.start_pos, node.end_pos
+
+    def mutate(self, node: Any, index: int) -> Any:
+        other = {"left": "right", "right": "left"}
+        node.value = re.sub(r"\b(left|right)\b", lambda side: other[side[0]], node.value)
+        return node
+
+
+Copies: TypeAlias = "queue.Queue[tuple[Path, int]]"
+"""Copies of the tree that are free, each with its core."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """The sample and how it is tested."""
+
+    out: Path
+    """Folder of the outcomes; a run that was stopped goes on from it."""
+    seed: int = 1
+    """Of the sample."""
+    each: int = 30
+    """Mutants of each package."""
+    packages: tuple[str, ...] = PACKAGES
+    """Packages that are changed."""
+    jobs: int = os.cpu_count() or 1
+    """Mutants that are tested at once, each on one core in its copy of the tree."""
+    budget: float = 45.0
+    """Seconds of tests, as they took once, after which no further test file is given to a mutant."""
+    minutes: float = 1e9
+    """No test run is started after so many minutes; the outcomes so far are written."""
+    without: tuple[str, ...] = ()
+    """Beginnings of the paths of test files that are left out."""
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """A changed file."""
+
+    path: str
+    """Relative to the tree."""
+    line: int
+    operator: str
+    occurrence: int
+    before: str
+    """The changed lines."""
+    after: str
+
+    @property
+    def name(self) -> str:
+        """Names the change even when lines above it move."""
+        return f"{self.path} `{self.before}` -> `{self.after}`"
+
+    def text(self, tree: Path) -> str:
+        """The file with the fault."""
+        return _mutated((tree / self.path).read_text(encoding="utf-8"), self.operator, self.occurrence)
+
+
+@dataclass(frozen=True)
+class Tested:
+    """A test file as it ran on the unchanged tree."""
+
+    path: str
+    seconds: float
+    failed: list[str]
+    """Tests that fail there; they are not asked."""
+    lines: dict[str, list[int]] = field(default_factory=dict)
+    """Executed lines of each source file; none when the tests did not end."""
+
+
+def main(options: Options) -> None:
+    """Samples, tests and reports.
+
+    Raises:
+        SystemExit: The time given is over before all mutants are tested.
+    """
+    options.out.mkdir(parents=True, exist_ok=True)
+    until = time.monotonic() + 60 * options.minutes
+    copies = _copies(options)
+    print("sampling", flush=True)
+    mutants = sample(options)
+    tests = _measured_tests(options, copies, until)
+    outcomes = _outcomes(options, mutants, tests, copies, until)
+    table = report(mutants, outcomes, options)
+    (options.out / "mutants.md").write_text(table, encoding="utf-8")
+    print(table)
+    if len(outcomes) < len(mutants):
+        sys.exit(f"{len(mutants) - len(outcomes)} mutants left; run the same command again")
+
+
+def sample(options: Options) -> list[Mutant]:
+    """Mutants of each package, drawn by the seed: places are equally likely, then the changes possible there."""
+    files = {package: sorted(ROOT.glob(f"warp_trunk/{package}/**/*.py")) for package in options.packages}
+    drawn: list[Mutant] = []
+    every = list(itertools.chain(*files.values()))
+    with ProcessPoolExecutor(options.jobs) as pool:
+        possible = dict(zip(every, pool.map(_changes, every), strict=True))
+    for package, paths in files.items():
+        draw = random.Random(f"{options.seed} {package}")
+        places = [(path, changes) for path in paths for changes in possible[path]]
+        draw.shuffle(places)
+        ones = (_mutant(path, draw.choice(changes)) for path, changes in places)
+        drawn += itertools.islice((mutant for mutant in ones if mutant), options.each)
+    return drawn
+
+
+@cache
+def _operators() -> dict[str, Any]:
+    """The operators by name, without those that the configuration excludes."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    excluded = project["tool"]["cosmic-ray"]["filters"]["operators-filter"]["exclude-operators"]
+    provider: Any = OperatorProvider()
+    names = [name for name in provider if not any(re.match(regex, f"core/{name}") for regex in excluded)]
+    own = (DropKeyword, DropCall, ExchangeSides)
+    return {name: provider[name]() for name in names} | {operator.__name__: operator() for operator in own}
+
+
+def _changes(path: Path) -> list[list[tuple[str, int, int]]]:
+    """Operator, occurrence and line of each possible change of a file, grouped by place and kind."""
+    text = path.read_text(encoding="utf-8")
+    left_out = _left_out(text)
+    nodes = list(ast_nodes(get_ast(text)))
+    groups: defaultdict[tuple[Any, str], list[tuple[str, int, int]]] = defaultdict(list)
+    for name, operator in _operators().items():
+        positions = (position for node in nodes for position in operator.mutation_positions(node))
+        for occurrence, (start, end) in enumerate(positions):
+            if not any(low <= start < high for low, high in left_out):
+                groups[(start, end), name.partition("_")[0]].append((name, occurrence, start[0]))
+    return list(groups.values())
+
+
+def _left_out(text: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+    """Ranges that are for people's eyes or for type checkers alone, as (line, column) from and to."""
+    rows = text.splitlines()
+    nodes: list[Any] = []
+    for node in ast.walk(ast.parse(text)):
+        match node:
+            case ast.Expr(value=ast.Constant()):  # a docstring
+                nodes.append(node)
+            case ast.arg(annotation=kind) | ast.AnnAssign(annotation=kind) | ast.FunctionDef(returns=kind) if kind:
+                nodes.append(kind)
+            case ast.If(test=ast.Name(id="TYPE_CHECKING")):
+                nodes.append(node)
+            case ast.Call(func=called) if STYLE_CALLS.fullmatch(ast.unparse(called)):
+                nodes.append(node)
+            case ast.keyword(arg=str(name)) if STYLE_ARGUMENTS.fullmatch(name) or GUARDS.fullmatch(name):
+                nodes.append(node)
+            case ast.Assign(targets=[ast.Name(id=name)]) if STYLE_NAMES.fullmatch(name):
+                nodes.append(node)
+            case ast.Tuple() if COLOUR.fullmatch(ast.unparse(node)):
+                nodes.append(node)
+        for decorator in getattr(node, "decorator_list", []):
+            if NO_EFFECT.fullmatch(ast.unparse(decorator)):
+                nodes.append(decorator)
+
+    def place(line: int, offset: int) -> tuple[int, int]:
+        start = rows[line - 1].encode()[:offset].decode()
+        return line, len(start) - start.endswith("@")
+
+    return [(place(node.lineno, node.col_offset), place(node.end_lineno, node.end_col_offset)) for node in nodes]
+
+
+def _mutated(text: str, operator: str, occurrence: int) -> str:
+    return str(mutate_code(text, _operators()[operator], occurrence))
+
+
+def _mutant(path: Path, change: tuple[str, int, int]) -> Mutant | None:
+    """The mutant of a change, or None where it is no program, or the same one."""
+    operator, occurrence, line = change
+    text = path.read_text(encoding="utf-8")
+    mutated = _mutated(text, operator, occurrence)
+    try:
+        if ast.dump(ast.parse(mutated)) == ast.dump(ast.parse(text)):
+            return None
+    except SyntaxError:
+        return None
+    lines = list(difflib.unified_diff(text.splitlines(), mutated.splitlines(), n=0, lineterm=""))[3:]
+    before, after = (" ".join(row[1:].strip() for row in lines if row[0] == sign) for sign in "-+")
+    return Mutant(str(path.relative_to(ROOT)), line, operator, occurrence, before, after)
+
+
+def _copies(options: Options) -> Copies:
+    """A copy of the tree for each worker, with the core it keeps to.
+
+    The bytecode there is checked by the text of a file: a fault often keeps a file's size and second.
+    """
+    folder = options.out / "trees"
+    shutil.rmtree(folder, ignore_errors=True)
+    first = folder / "0"
+    for name in ("warp_trunk", "kernels", "tests", "scripts", "docs"):
+        shutil.copytree(ROOT / name, first / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for path in ROOT.iterdir():
+        if path.is_file():
+            shutil.copy2(path, first)
+    (first / "warp_trunk" / "kernels").symlink_to("../kernels")  # as the installed package has it
+    command = [
+        sys.executable,
+        "-m",
+        "compileall",
+        "-q",
+        "--invalidation-mode",
+        "checked-hash",
+        "warp_trunk",
+        "kernels",
+    ]
+    subprocess.run(command, cwd=first, check=True)
+    cores = itertools.cycle(sorted(os.sched_getaffinity(0)))
+    copies: Copies = queue.Queue()
+    for number, core in zip(range(options.jobs), cores, strict=False):
+        if number:
+            shutil.copytree(first, folder / str(number), symlinks=True)
+        copies.put(((folder / str(number)).absolute(), core))
+    return copies
+
+
+@dataclass(frozen=True)
+class Ended:
+    """A run of tests."""
+
+    status: int | None
+    """None when it was stopped, as it hung."""
+    output: str
+    seconds: float
+
+
+def _run(command: Sequence[str], copy: tuple[Path, int], limit: float, **environment: str) -> Ended:
+    """Runs tests in a copy of the tree on its core, with nothing kept from earlier runs."""
+    tree, core = copy
+    kept = tree.parent / f"kept{tree.name}"
+    shutil.rmtree(kept, ignore_errors=True)
+    kept.mkdir()
+    variables = os.environ | {"PYTHONPATH": str(tree), "WARP_TRUNK_CACHE": str(kept / "cache"), **environment}
+    started = time.monotonic()
+    log = kept / "output"
+    with log.open("w", encoding="utf-8") as output:
+        arguments = [*command, f"--basetemp={kept / 'tests'}"]
+        process = subprocess.Popen(
+            arguments, cwd=tree, env=variables, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
+        )
+        os.sched_setaffinity(process.pid, {core})
+        try:
+            status = process.wait(limit)
+        except subprocess.TimeoutExpired:
+            status = None
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)  # and what it started
+        process.wait()
+    return Ended(status, log.read_text(encoding="utf-8", errors="replace"), time.monotonic() - started)
+
+
+def _measured_tests(options: Options, copies: Copies, until: float) -> list[Tested]:
+    """Runs each test file once under coverage, the large ones first; what an earlier run measured is kept."""
+    tree = hashlib.sha256()
+    for folder in ("warp_trunk", "kernels", "tests"):
+        for path in sorted(ROOT.glob(f"{folder}/**/*.py")):
+            tree.update(path.read_bytes())
+    kept = options.out / f"tests-{tree.hexdigest()[:12]}.jsonl"
+    tests = {test.path: test for test in (Tested(**row) for row in _rows(kept))}
+    files = sorted(ROOT.glob("tests/**/test_*.py"), key=lambda path: -path.stat().st_size)
+    names = [str(path.relative_to(ROOT)) for path in files]
+    names = [name for name in names if not name.startswith(options.without)]
+    lock = threading.Lock()
+
+    def measure(name: str) -> None:
+        if time.monotonic() > until:
+            return
+        copy = copies.get()
+        try:
+            test = _measured(name, copy)
+        finally:
+            copies.put(copy)
+        with lock:
+            tests[name] = test
+            _append(kept, asdict(test))
+            print(f"{len(tests)}/{len(names)} {name}: {test.seconds:.0f} s, {len(test.failed)} failed", flush=True)
+
+    with ThreadPoolExecutor(options.jobs) as pool:
+        list(pool.map(measure, [name for name in names if name not in tests]))
+    return [tests[name] for name in names if name in tests]
+
+
+def _measured(name: str, copy: tuple[Path, int]) -> Tested:
+    data = copy[0].parent / f"coverage{copy[0].name}"
+    for old in data.parent.glob(f"{data.name}.*"):
+        old.unlink()
+    under = [sys.executable, "-m", "coverage", "run", f"--data-file={data}.data", *PYTEST[1:], name]
+    ended = _run(under, copy, limit=300, COVERAGE_CORE="sysmon" if sys.version_info >= (3, 12) else "ctrace")
+    if ended.status not in {0, 1, 5}:  # passed, some failed, none selected
+        print(f"{name} did not end:\n{ended.output[-2000:]}", flush=True)
+        return Tested(name, ended.seconds, [])
+    collected = coverage.Coverage(data_file=f"{data}.data", config_file=str(copy[0] / "pyproject.toml"))
+    collected.combine([str(path) for path in data.parent.glob(f"{data.name}.data*")])
+    lines = collected.get_data()
+    executed = {
+        str(Path(path).relative_to(copy[0])): sorted(lines.lines(path) or [])
+        for path in lines.measured_files()
+        if Path(path).is_relative_to(copy[0])
+    }
+    return Tested(name, round(ended.seconds, 1), _failed(ended.output), executed)
+
+
+def _failed(output: str) -> list[str]:
+    return re.findall(r"^(?:FAILED|ERROR) (.*?)(?: - .*)?$", output, flags=re.MULTILINE)
+
+
+def _outcomes(
+    options: Options, mutants: list[Mutant], tests: list[Tested], copies: Copies, until: float
+) -> dict[str, dict[str, Any]]:
+    """Tests each mutant whose outcome is not written yet."""
+    written = options.out / "outcomes.jsonl"
+    outcomes = {row["mutant"]: row for row in _rows(written)}
+    names = {mutant.name for mutant in mutants}
+    outcomes = {name: row for name, row in outcomes.items() if name in names}
+    lock = threading.Lock()
+
+    def judge(mutant: Mutant) -> None:
+        copy = copies.get()
+        try:
+            outcome = _judged(mutant, tests, copy, options.budget, until)
+        finally:
+            (copy[0] / mutant.path).write_text((ROOT / mutant.path).read_text(encoding="utf-8"), encoding="utf-8")
+            copies.put(copy)
+        if outcome:
+            with lock:
+                outcomes[mutant.name] = {"mutant": mutant.name, "place": f"{mutant.path}:{mutant.line}", **outcome}
+                _append(written, outcomes[mutant.name])
+                print(f"{len(outcomes)}/{len(mutants)} {outcome['outcome']} {mutant.name[:150]}", flush=True)
+
+    left = [mutant for mutant in mutants if mutant.name not in outcomes]
+    random.Random(options.seed).shuffle(left)  # so that a part of them says something of each package
+    with ThreadPoolExecutor(options.jobs) as pool:
+        list(pool.map(judge, left))
+    return outcomes
+
+
+def _judged(
+    mutant: Mutant, tests: list[Tested], copy: tuple[Path, int], budget: float, until: float
+) -> dict[str, Any] | None:
+    """What became of a mutant; None when the time was over first."""
+    statement = _statement((ROOT / mutant.path).read_text(encoding="utf-8"), mutant.line)
+    asked = [test for test in tests if statement.intersection(test.lines.get(mutant.path, ()))]
+    folder = f"tests/{Path(mutant.path).parts[1]}/"
+    asked.sort(key=lambda test: (not test.path.startswith(folder), test.seconds))
+    before = itertools.accumulate((test.seconds for test in asked), initial=0.0)
+    within = [test for test, seconds in zip(asked, before, strict=False) if seconds < budget]
+    started = time.monotonic()
+    (copy[0] / mutant.path).write_text(mutant.text(ROOT), encoding="utf-8")
+    outcome, by = "survived", "" if asked else "no test executes it"
+    for near in (True, False):
+        stage = [test for test in within if test.path.startswith(folder) == near]
+        if stage and not by:
+            if time.monotonic() > until:
+                return None
+            failing = [f"--deselect={name}" for test in stage for name in test.failed]
+            limit = 3 * sum(test.seconds for test in stage) + 30
+            ended = _run([*PYTEST, "-x", *(test.path for test in stage), *failing], copy, limit)
+            if ended.status not in {0, 5}:
+                outcome = "killed"
+                by = "hung" if ended.status is None else next(iter(_failed(ended.output)), "no import")
+    return {
+        "outcome": outcome,
+        "by": by,
+        "seconds": round(time.monotonic() - started, 1),
+        "left_out": [test.path for test in asked if test not in within],
+    }
+
+
+@cache
+def _spans(text: str) -> tuple[tuple[int, int], ...]:
+    """First and last line of each statement, of a compound one its head."""
+    spans = []
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.stmt | ast.ExceptHandler):
+            body = getattr(node, "body", None)
+            first = min([node.lineno, *(each.lineno for each in getattr(node, "decorator_list", []))])
+            spans.append((first, max(node.lineno, body[0].lineno - 1) if body else node.end_lineno or node.lineno))
+    return tuple(spans)
+
+
+def _statement(text: str, line: int) -> set[int]:
+    """The lines of the innermost statement on a line."""
+    around = ((low, high) for low, high in _spans(text) if low <= line <= high)
+    low, high = min(around, key=lambda span: span[1] - span[0], default=(line, line))
+    return set(range(low, high + 1))
+
+
+def report(mutants: list[Mutant], outcomes: dict[str, dict[str, Any]], options: Options) -> str:
+    """The rates by package and the survivors, with the words written behind them before."""
+    kept = _text(options.out / "mutants.md")
+    words = dict(re.findall(r"^- \S+?:\d+ .*?(`.*`): (.+)$", kept, flags=re.MULTILINE))
+    rows = [f"Mutants of seed {options.seed}, {options.each} of each package.", ""]
+    rows += ["| package | tested | killed | rate |", "|---|---|---|---|"]
+    groups: defaultdict[str, list[dict[str, Any]]] = defaultdict(list)
+    for mutant in mutants:
+        if mutant.name in outcomes:
+            groups[Path(mutant.path).parts[1]].append(outcomes[mutant.name])
+    for package, judged in [*groups.items(), ("all", [each for group in groups.values() for each in group])]:
+        killed = sum(each["outcome"] == "killed" for each in judged)
+        rows.append(f"| {package} | {len(judged)} | {killed} | {killed / max(len(judged), 1):.0%} |")
+    rows += ["", "Survivors:", ""]
+    for mutant in mutants:
+        outcome = outcomes.get(mutant.name)
+        if outcome and outcome["outcome"] == "survived":
+            change = f"`{mutant.before}` -> `{mutant.after}`"
+            unexecuted = "not executed, " if outcome["by"] else ""
+            rows.append(f"- {mutant.path}:{mutant.line} {unexecuted}{change}: {words.get(change, '')}".rstrip())
+    return "\n".join(rows) + "\n"
+
+
+def _rows(path: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in _text(path).splitlines() if line.endswith("}")]
+
+
+def _append(path: Path, row: dict[str, Any]) -> None:
+    with path.open("a", encoding="utf-8") as file:
+        file.write(json.dumps(row) + "\n")
+
+
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8") if path.exists() else ""
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Options))
