@@ -447,7 +447,7 @@ def _outcomes(
 def _judged(
     mutant: Mutant, tests: list[Tested], copy: tuple[Path, int], budget: float, until: float
 ) -> dict[str, Any] | None:
-    """What became of a mutant; None when the time was over first."""
+    """The outcome of a mutant, or None when the time was over first."""
     statement = _statement((ROOT / mutant.path).read_text(encoding="utf-8"), mutant.line)
     asked = [test for test in tests if statement.intersection(test.lines.get(mutant.path, ()))]
     folder = f"tests/{Path(mutant.path).parts[1]}/"
