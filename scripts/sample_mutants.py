@@ -340,7 +340,8 @@ def _run(command: Sequence[str], copy: tuple[Path, int], limit: float, **environ
     kept = tree.parent / f"kept{tree.name}"
     shutil.rmtree(kept, ignore_errors=True)
     kept.mkdir()
-    variables = os.environ | {"PYTHONPATH": str(tree), "WARP_TRUNK_CACHE": str(kept / "cache"), **environment}
+    path = os.pathsep.join([str(tree), *filter(None, [os.environ.get("PYTHONPATH")])])
+    variables = os.environ | {"PYTHONPATH": path, "WARP_TRUNK_CACHE": str(kept / "cache"), **environment}
     started = time.monotonic()
     log = kept / "output"
     with log.open("w", encoding="utf-8") as output:
