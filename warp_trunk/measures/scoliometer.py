@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.case.anatomy import LUMBAR, THORACIC
+from warp_trunk.case.anatomy import THORACIC
 from warp_trunk.geometry.section import last_crossing
 
 if TYPE_CHECKING:
@@ -19,10 +19,13 @@ BESIDE = {"C": 45.0, "T": 45.0, "L": 35.0}
 BENT = {
     "T9": THORACIC[8:11],
     "T10": THORACIC[9:12],
-    **{level: (level,) for level in (*THORACIC[10:], *LUMBAR[:2])},
+    "T11": ("T11",),
+    "T12": ("T12",),
+    "L1": ("T12", "L1", "L2"),
+    "L2": ("L2",),
 }
 """The standing levels whose mean slope is that of each level in the forward bend."""
-BENT_SD = 4.6
+BENT_SD = 4.5
 """Standard deviation of the slope in the forward bend about it [degrees], see docs/measures.md."""
 
 
@@ -106,7 +109,7 @@ def forward_bend(standing: Mapping[str, float | None]) -> dict[str, float | None
     """The mean reading of a scoliometer in the forward bend [degrees], by level from T9 to L2.
 
     In the mean of 20 patients (PCdare) it is the slope of the standing back, at T9 and T10 that of the level and
-    the two below. One patient is off by a standard deviation of `BENT_SD`. Above T9 and below L2 the standing back
+    the two below, at L1 that of the level and both its neighbours. One patient is off by a standard deviation of `BENT_SD`. Above T9 and below L2 the standing back
     says too little.
 
     Args:
