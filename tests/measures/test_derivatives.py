@@ -18,8 +18,14 @@ CASE = coarse_phantom()
 
 
 def waist(skin: Surface, landmarks: Landmarks) -> dict[str, float]:
-    measured_waist = not_none(measure(skin, landmarks).waist)
-    return {"waist_depth_mm": measured_waist.depth_difference, "waist_height_mm": measured_waist.height_difference}
+    shape = not_none(measure(skin, landmarks).waist)
+    return {
+        "waist_depth_mm": shape.depth_difference,
+        "waist_height_mm": shape.height_difference,
+        "waist_height_angle_deg": shape.height_angle,
+        "waist_angle_ratio_percent": shape.angle_ratio,
+        "waistline_depth_ratio_percent": not_none(shape.depth_ratio),
+    }
 
 
 @pytest.mark.parametrize("seed", range(3))

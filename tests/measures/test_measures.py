@@ -18,7 +18,7 @@ from warp_trunk.measures.derivatives import (
     Derivative,
     hump_derivative,
     rotation_derivative,
-    shoulder_derivative,
+    shoulder_derivatives,
     slope_derivative,
 )
 from warp_trunk.measures.quantities import QUANTITIES, measured
@@ -151,5 +151,10 @@ def test_slope(level: str) -> None:
 
 def test_shoulders() -> None:
     skin, landmarks = rough(), CASE.landmarks_before
-    derivative = shoulder_derivative(skin, landmarks, not_none(measure(skin, landmarks).shoulders))
-    agree(differs(lambda m: None if m.shoulders is None else m.shoulders.difference, derivative, skin, landmarks))
+    derivatives = shoulder_derivatives(skin, landmarks, not_none(measure(skin, landmarks).shoulders))
+    for key, name in (("shoulder_difference_mm", "difference"), ("clavicle_angle_deg", "angle")):
+
+        def number(measures: TrunkMeasures, name: str = name) -> float | None:
+            return None if measures.shoulders is None else getattr(measures.shoulders, name)
+
+        agree(differs(number, derivatives[key], skin, landmarks))

@@ -337,6 +337,16 @@ def test_depth_and_height_of_each_side_are_those_of_its_notch():
     assert mirrored.depth_difference == pytest.approx(-waist.depth_difference, abs=1e-6)
 
 
+def test_a_hollow_of_the_chest_is_no_waist():
+    """A notch at T9 on the left, and one at L3 on the right: in a thoracic curve the upper one is the deeper."""
+    spine = known_spine()
+    heights = {level: spine.points[spine.rows_of(level), 2].mean() for level in ("T9", "L3")}
+    skin = trunk((40.0, 12.0), (heights["T9"], heights["L3"]))
+    waist = not_none(measure(skin, spine).waist)
+    assert waist.right_depth == pytest.approx(12.0, abs=2.1)
+    assert waist.left_depth < 0.5 * 40.0
+
+
 def test_straight_flanks_have_no_waist_and_a_spine_without_t8_no_measure():
     spine = known_spine()
     measured = not_none(measure(trunk((0.0, 0.0), (100.0, 100.0)), spine).waist)

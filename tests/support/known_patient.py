@@ -66,7 +66,7 @@ class Shape:
     def flank(self, side: str, z: float | np.ndarray) -> np.ndarray:
         """Distance of a flank from the middle at a height [mm]."""
         depth, height = self.waist[side]
-        return WIDTH - depth * np.clip((60.0 - np.abs(z - height)) / 52.0, 0.0, 1.0)
+        return WIDTH - depth * np.clip((52.0 - np.abs(z - height)) / 44.0, 0.0, 1.0)
 
     @property
     def humps(self) -> dict[str, float]:
@@ -88,7 +88,7 @@ class Shape:
         """The points of every ring from bottom to top, and one inside [mm], shape (rings, points, 3)."""
         marks = self.landmarks
         levels = {level: marks.of_bone(level).points[:, 2].mean() for level in LEVELS}
-        hollows = [height + step for _, height in self.waist.values() for step in (-60.0, -8.0, 8.0, 60.0)]
+        hollows = [height + step for _, height in self.waist.values() for step in (-52.0, -8.0, 8.0, 52.0)]
         ends = [BOTTOM, *hollows, *(z + step for z in levels.values() for step in (-2.0, 2.0)), TOP]
         between = [np.linspace(low, high, 1 + EACH, endpoint=False) for low, high in pairwise(sorted(ends))]
         z = np.append(np.concatenate(between), TOP)

@@ -12,13 +12,13 @@ import numpy as np
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.section import at_height, section, trunk_loop, turn
 from warp_trunk.geometry.surface import Surface, compact
-from warp_trunk.spine.spine import SacralLine, asis_axis, sacral_line, spine_of
+from warp_trunk.spine.spine import asis_axis, sacral_line, spine_of
 
 from .back_rotation import DualTangent, contacts_beside, hump_height, hump_top, tangent_of
 from .outlines import (
+    CHEST,
     DEEP,
     SHALLOW,
-    TOP,
     Shoulders,
     Silhouette,
     hollows,
@@ -142,31 +142,50 @@ def slope_derivative(skin: Surface, landmarks: Landmarks, level: str, slope: flo
     return _by_differences(angle, slope, skin, landmarks, triangles, edges[near].ravel(), *([row] for row in rows))
 
 
-def shoulder_derivative(skin: Surface, landmarks: Landmarks, shoulders: Shoulders) -> Derivative:
-    """How much higher the right shoulder stands [mm], and how that changes.
+def shoulder_derivatives(skin: Surface, landmarks: Landmarks, shoulders: Shoulders) -> dict[str, Derivative]:
+    """How much higher the right shoulder stands [mm] and the angle of both [degrees], and how these change.
 
     Args:
         skin: the surface that was measured [mm].
         landmarks: those that it was measured with [mm].
-        shoulders: the heights that were found (`shoulder_heights`).
+        shoulders: the heights that were measured (`shoulder_heights`).
+
+    Returns:
+        By quantity.
     """
     outline = upper_outline(skin, spine_of(landmarks), asis_axis(landmarks))
     assert outline is not None  # where there are heights there is an outline
 
-    def difference(part: Surface, marks: Landmarks) -> float:
-        shoulders = shoulder_heights(part, spine_of(marks), asis_axis(marks))
-        return np.nan if shoulders is None else shoulders.difference
+    def number(name: str) -> Number:
+        def of(part: Surface, marks: Landmarks) -> float:
+            moved = shoulder_heights(part, spine_of(marks), asis_axis(marks))
+            return np.nan if moved is None else getattr(moved, name)
+
+        return of
 
     rows = landmarks.rows_of("T1")
     low = landmarks.points[rows, 2].mean() - DEEP - _MARGIN
     triangles = (skin.vertices[skin.faces, 2] > low).all(axis=1)
     touched = [*outline.ends.ravel(), outline.edge]
-    return _by_differences(difference, shoulders.difference, skin, landmarks, triangles, touched, rows)
+    return {
+        key: _by_differences(number(name), getattr(shoulders, name), skin, landmarks, triangles, touched, rows)
+        for key, name in (("shoulder_difference_mm", "difference"), ("clavicle_angle_deg", "angle"))
+    }
+
+
+WAIST = {
+    "waist_depth_mm": "depth_difference",
+    "waist_height_mm": "height_difference",
+    "waist_height_angle_deg": "height_angle",
+    "waist_angle_ratio_percent": "angle_ratio",
+    "waistline_depth_ratio_percent": "depth_ratio",
+}
+"""Which number of a `Waist` each quantity is."""
 
 
 def waist_derivatives(skin: Surface, landmarks: Landmarks) -> dict[str, Derivative]:
-    """How much deeper and higher the right waist is [mm], and how that changes; empty where it is missing, or
-    where a side has no hollow.
+    """The quantities of the waist (`WAIST`), and how they change; empty where it is missing, or where a side has
+    no hollow.
 
     Args:
         skin: the surface to measure [mm].
@@ -176,47 +195,43 @@ def waist_derivatives(skin: Surface, landmarks: Landmarks) -> dict[str, Derivati
         By quantity.
     """
 
-    def outline_of(marks: Landmarks) -> tuple[Silhouette | None, SacralLine, float]:
-        line = sacral_line(marks)
+    def outline_of(marks: Landmarks) -> Silhouette | None:
         pelvis = float(np.mean([marks.point(name)[2] for name in _ILIAC]))
-        return silhouette_of(skin, spine_of(marks), line, pelvis), line, pelvis
+        return silhouette_of(skin, spine_of(marks), sacral_line(marks), pelvis)
 
-    def numbers(heights: np.ndarray, widths: np.ndarray, pelvis: float) -> np.ndarray:
-        waist = hollows(heights, widths, pelvis)
-        return np.array([waist.depth_difference, waist.height_difference])
+    def numbers(outline: Silhouette) -> np.ndarray:
+        waist = hollows(outline)
+        return np.array([getattr(waist, name) for name in WAIST.values()], dtype=float)
 
-    outline, line, pelvis = outline_of(landmarks)
+    outline, line = outline_of(landmarks), sacral_line(landmarks)
     if outline is None:
         return {}
     heights, widths = outline.heights, outline.widths
-    waist = hollows(heights, widths, pelvis)
+    waist = hollows(outline)
     if min(waist.left_depth, waist.right_depth) <= SHALLOW:
         return {}
-    values = numbers(heights, widths, pelvis)
-    by_vertex = np.zeros((2, *skin.vertices.shape))
+    values = numbers(outline)
+    by_vertex = np.zeros((len(WAIST), *skin.vertices.shape))
     for side, row in product(range(2), range(len(heights))):
         moved = widths.copy()
         moved[side, row] += DIFFERENCE_STEP
-        by_width = (numbers(heights, moved, pelvis) - values) / DIFFERENCE_STEP * (1.0 if side == 0 else -1.0)
+        by_width = (numbers(replace(outline, widths=moved)) - values) / DIFFERENCE_STEP
         edge = outline.edges[side, row]
         (a, b), (z_a, z_b) = (skin.vertices[edge, :2] - line.point) @ line.across, skin.vertices[edge, 2]
         share = (heights[row] - z_a) / (z_b - z_a)
         for vertex, part in zip(edge, (1.0 - share, share), strict=True):
             along = [*(part * line.across), -part * (b - a) / (z_b - z_a)]  # the cut moves along the edge
-            by_vertex[:, vertex] += by_width[:, None] * along
-    by_landmark = np.zeros((2, *landmarks.points.shape))
+            by_vertex[:, vertex] += (by_width if side == 0 else -by_width)[:, None] * along
+    by_landmark = np.zeros((len(WAIST), *landmarks.points.shape))
     for row, axis in product(range(len(landmarks.points)), range(3)):
-        if not landmarks.names[row].startswith((TOP, *_SACRAL, *_ILIAC)):
+        if not landmarks.names[row].startswith((CHEST, *_SACRAL, *_ILIAC)):
             continue
         points = landmarks.points.copy()
         points[row, axis] += DIFFERENCE_STEP
-        moved, _, level = outline_of(replace(landmarks, points=points))
-        if moved is not None and len(moved.heights) == len(heights):
-            by_landmark[:, row, axis] = (numbers(moved.heights, moved.widths, level) - values) / DIFFERENCE_STEP
-    return {
-        name: Derivative(float(values[i]), by_vertex[i], by_landmark[i])
-        for i, name in enumerate(("waist_depth_mm", "waist_height_mm"))
-    }
+        moved_outline = outline_of(replace(landmarks, points=points))
+        if moved_outline is not None and len(moved_outline.heights) == len(heights):
+            by_landmark[:, row, axis] = (numbers(moved_outline) - values) / DIFFERENCE_STEP
+    return {name: Derivative(float(values[i]), by_vertex[i], by_landmark[i]) for i, name in enumerate(WAIST)}
 
 
 def _cut(skin: Surface, height: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

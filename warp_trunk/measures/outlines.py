@@ -75,10 +75,13 @@ def flank_asymmetry(outline: np.ndarray, line: SacralLine) -> FlankAsymmetry:
     return FlankAsymmetry(left=float(to_left.max()), right=-float(to_left.min()))
 
 
-TOP = "T8"
+CHEST = "T8"
 """The outline is taken from this vertebra, below the armpits, ..."""
 BELOW = 40.0
 """... to this far below the iliac spines, where the hips are wide [mm]."""
+UPPER = "T12"
+"""The waist lies below this vertebra, whose ribs are the lowest, and above the iliac spines. A hollow above it is
+one of the chest, in a thoracic curve the deepest on the concave side."""
 HEIGHT_STEP = 8.0
 """Distance of the heights at which it is taken [mm]."""
 SHALLOW = 1.0
@@ -90,7 +93,8 @@ class Waist:
     """The hollow between chest and hip on either side, seen from behind."""
 
     left_depth: float
-    """Largest distance of the left outline from the line that touches chest and hip, sideways [mm]."""
+    """Largest distance of the left outline from the line that touches chest and hip, sideways,
+    between ribs and pelvis [mm]."""
     right_depth: float
     """The same on the right [mm]."""
     left_height: float
@@ -129,7 +133,7 @@ class Waist:
 
 @dataclass(frozen=True, eq=False)
 class Silhouette:
-    """The outline of the trunk from behind, from the hips to `TOP`."""
+    """The outline of the trunk from behind, from the hips to the chest."""
 
     heights: np.ndarray
     """Where it is taken [mm], shape (heights,)."""
@@ -137,13 +141,17 @@ class Silhouette:
     """How far the skin reaches to the left and to the right of the sacral line there [mm], shape (2, heights)."""
     edges: np.ndarray
     """The two vertices of the edge that reaches so far, shape (2, heights, 2)."""
+    pelvis: float
+    """Height of the iliac spines [mm]."""
+    top: float
+    """Height below which the waist lies [mm]."""
 
 
 def silhouette_of(skin: Surface, spine: Spine, line: SacralLine, pelvis: float) -> Silhouette | None:
     """The silhouette for `waist_of`, with the same arguments; None where it is missing."""
-    if TOP not in spine.levels:
+    if not {CHEST, UPPER} <= set(spine.levels):
         return None
-    top = spine.centroids[spine.levels.index(TOP), 2]
+    top, upper = (float(spine.centroids[spine.levels.index(name), 2]) for name in (CHEST, UPPER))
     heights = np.arange(max(pelvis - BELOW, skin.vertices[:, 2].min() + 1.0), top, HEIGHT_STEP)
     if len(heights) < 5 or heights[0] > pelvis:
         return None
@@ -163,7 +171,8 @@ def silhouette_of(skin: Surface, spine: Spine, line: SacralLine, pelvis: float) 
     outer = np.array(
         [order[np.searchsorted(row[order], np.arange(len(heights)), "right") - 1] for order in orders]
     )
-    return Silhouette(heights, aside_at_height[outer] * [[1.0], [-1.0]], np.stack([a[outer], b[outer]], axis=2))
+    edges = np.stack([a[outer], b[outer]], axis=2)
+    return Silhouette(heights, aside_at_height[outer] * [[1.0], [-1.0]], edges, pelvis, upper)
 
 
 def waist_of(skin: Surface, spine: Spine, line: SacralLine, pelvis: float) -> Waist | None:
@@ -171,30 +180,32 @@ def waist_of(skin: Surface, spine: Spine, line: SacralLine, pelvis: float) -> Wa
 
     The outline is that of the silhouette from behind: at each height the skin furthest along the pelvis' axis.
     The line that touches chest and hip is the edge of the outline's convex hull, so that no point of either has to
-    be chosen. Differences of the heights and the depths of both sides are two of the six parts of POTSI, the
-    posterior trunk symmetry index (Suzuki et al., Stud Health Technol Inform 1999, 59:81), in millimetres. Waist
-    angles and height angle are those of photographs (Matamalas et al., Eur Spine J 2016, 25:3170), with chest and
-    hip where lines from the deepest point touch them. Their ratio is right over left and that of the depths left
-    over right: both are then below 1 in lumbar curves to the left, as published (Spine Deform 2024, PMID 38526692,
-    whose abstract leaves the sides open).
+    be chosen; what is hollow between ribs and pelvis is the waist. Differences of the heights and the depths of
+    both sides are two of the six parts of POTSI, the posterior trunk symmetry index (Suzuki et al., Stud Health
+    Technol Inform 1999, 59:81), in millimetres. Waist angles and height angle are those of photographs (Matamalas
+    et al., Eur Spine J 2016, 25:3170), with chest and hip where lines from the deepest point touch them. Their
+    ratio is right over left and that of the depths left over right: both are then below 1 in lumbar curves to the
+    left, as published (Spine Deform 2024, PMID 38526692, whose abstract leaves the sides open).
 
     Args:
         skin: the skin, its arms cut off or raised [mm].
-        spine: vertebrae, T8 among them [mm].
+        spine: vertebrae, T8 and T12 among them [mm].
         line: the sacral line, from which widths are taken.
         pelvis: height of the iliac spines [mm].
 
     Returns:
-        None without T8, or where the skin ends above the hips.
+        None without these, or where the skin ends above the hips.
     """
     outline = silhouette_of(skin, spine, line, pelvis)
-    return None if outline is None else hollows(outline.heights, outline.widths, pelvis)
+    return None if outline is None else hollows(outline)
 
 
-def hollows(heights: np.ndarray, widths: np.ndarray, pelvis: float) -> Waist:
-    """The waist of a silhouette, see `Silhouette` and `waist_of`."""
+def hollows(outline: Silhouette) -> Waist:
+    """The waist of a silhouette, see `waist_of`."""
+    heights, widths, pelvis = outline.heights, outline.widths, outline.pelvis
     hulls = [(width, upper_hull(heights, width)) for width in widths]
     gaps = np.transpose([np.interp(heights, heights[hull], width[hull]) - width for width, hull in hulls])
+    gaps[(heights < pelvis) | (heights > outline.top)] = 0.0
     weights, hollow = np.square(gaps).sum(axis=0), gaps.max(axis=0) > SHALLOW
     left, right = np.divide((heights - pelvis) @ np.square(gaps), weights, out=np.zeros(2), where=hollow)
     deepest = gaps.argmax(axis=0)

@@ -109,8 +109,8 @@ def forward_bend(standing: Mapping[str, float | None]) -> dict[str, float | None
     """The mean reading of a scoliometer in the forward bend [degrees], by level from T9 to L2.
 
     In the mean of 20 patients (PCdare) it is the slope of the standing back, at T9 and T10 that of the level and
-    the two below, at L1 that of the level and both its neighbours. One patient is off by a standard deviation of `BENT_SD`. Above T9 and below L2 the standing back
-    says too little.
+    the two below, at L1 that of the level and both its neighbours. One patient is off by a standard deviation of
+    `BENT_SD`. Above T9 and below L2 the standing back says too little.
 
     Args:
         standing: the slope of the standing back by level [degrees].

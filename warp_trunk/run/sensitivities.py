@@ -24,7 +24,7 @@ from warp_trunk.measures.derivatives import (
     Derivative,
     hump_derivative,
     rotation_derivative,
-    shoulder_derivative,
+    shoulder_derivatives,
     slope_derivative,
     waist_derivatives,
 )
@@ -120,10 +120,10 @@ def numbers_of(prediction: Prediction, *, all_humps: bool = False) -> dict[tuple
     for level in SCOLIOMETER:
         if level in tangents and (slope := measured.slopes.get(level)) is not None:
             found["atr_deg", level] = slope_derivative(skin, landmarks, level, slope)
+    whole = {} if measured.waist is None else waist_derivatives(skin, landmarks)
     if measured.shoulders is not None:
-        found["shoulder_difference_mm", ""] = shoulder_derivative(skin, landmarks, measured.shoulders)
-    if measured.waist is not None:
-        found |= {(name, ""): number for name, number in waist_derivatives(skin, landmarks).items()}
+        whole |= shoulder_derivatives(skin, landmarks, measured.shoulders)
+    found |= {(name, ""): number for name, number in whole.items()}
     return {name: number for name, number in found.items() if number is not None}
 
 
