@@ -129,7 +129,7 @@ def test_a_disk_that_fills_up_ends_in_one_line_and_leaves_no_half(case, tmp_path
 
 METRES = "landmarks in metres"
 PATIENT = ["--patient", "case/landmarks_after.csv"]
-OTHERS = [
+REFUSED_OPTIONS = [
     ("simulate", "no increment", ["case", "--increments", "0"], "increments: must be from 1 to 10000"),
     ("simulate", "too many tetrahedra", ["case", "--tets", "100000000000"], "a number from 4 to 5e+07"),
     ("simulate", "too few for the skin", ["case", "--tets", "100", "--no-cache"], "were asked for", "; ask for"),
@@ -163,7 +163,7 @@ NEEDS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("row", OTHERS, ids=lambda row: f"{row[0]}, {row[1]}")
+@pytest.mark.parametrize("row", REFUSED_OPTIONS, ids=lambda row: f"{row[0]}, {row[1]}")
 def test_what_a_command_cannot_take_is_refused_before_any_work(case, refused, tmp_path, monkeypatch, row):
     command, _, flags, *fragments = row
     forbid_meshing(monkeypatch)

@@ -162,6 +162,6 @@ def test_a_broken_image_is_refused_in_one_line(good_map, refused, tmp_path, monk
     monkeypatch.chdir(tmp_path / "map")
     row[1](Path())
     options, *said = row[2:] if isinstance(row[2], list) else ([], *row[2:])
-    given = next(name for name in ("masks", "a.seg.nrrd", "a.dcm", SEG) if Path(name).exists() or name == SEG)
-    refused(["import", given, "--body", BODY, "--out", str(tmp_path / "out"), *options], *said)
+    source = next(name for name in ("masks", "a.seg.nrrd", "a.dcm", SEG) if Path(name).exists() or name == SEG)
+    refused(["import", source, "--body", BODY, "--out", str(tmp_path / "out"), *options], *said)
     assert not (tmp_path / "out").exists()

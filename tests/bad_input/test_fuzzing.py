@@ -206,16 +206,16 @@ def read_damaged(reader: str, folder: Path, seeds: Iterable[int]) -> None:
 
 
 def read_or_refused(path: Path, folder: Path, read: Callable[[Path], object]) -> None:
-    before, said, found = gigabytes(), str(folder), None
+    before, said, content = gigabytes(), str(folder), None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         try:
-            found = read(path)
+            content = read(path)
         except InputError as error:
             said = str(error)
-    if isinstance(found, Surface):
-        assert np.isfinite(found.vertices).all()
-        assert 0 <= found.faces.min() <= found.faces.max() < len(found.vertices)
+    if isinstance(content, Surface):
+        assert np.isfinite(content.vertices).all()
+        assert 0 <= content.faces.min() <= content.faces.max() < len(content.vertices)
     assert (str(folder) in said, len(said.splitlines())) == (True, 1)
     assert not RAW.search(said), said
     assert len(said) < 1000

@@ -121,5 +121,5 @@ def test_no_code_reads_pickles_or_runs_text():
                 called = ast.unparse(node.func)
                 assert called not in ("eval", "exec", "compile", "os.system"), path
                 if called == "np.load":
-                    given = {keyword.arg: ast.unparse(keyword.value) for keyword in node.keywords}
-                    assert given.get("allow_pickle") == "False", path
+                    keywords = {keyword.arg: ast.unparse(keyword.value) for keyword in node.keywords}
+                    assert keywords.get("allow_pickle") == "False", path

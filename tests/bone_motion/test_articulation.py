@@ -48,13 +48,13 @@ def bone_motions(
     bones: dict[str, Surface],
     before: Landmarks,
     after: Landmarks,
-    known: dict[str, RigidMotion] | None = None,
+    prescribed: dict[str, RigidMotion] | None = None,
     coupling: RibCoupling | None = None,
     pose: Pose = "surgery",
 ) -> dict[str, RigidMotion]:
     """Those of one set of landmarks, by name."""
     sets, coupling = (before.points[None], after.points[None]), coupling or RibCoupling()
-    return dict(articulation.bone_motions(Skeleton(bones, before), *sets, coupling, known, pose=pose).at(0))
+    return dict(articulation.bone_motions(Skeleton(bones, before), *sets, coupling, prescribed, pose=pose).at(0))
 
 
 def way(motion: RigidMotion, points: np.ndarray) -> np.ndarray:
@@ -193,9 +193,9 @@ def follow(
     bones: dict[str, Surface],
     vertebrae: Vertebrae,
     coupling: RibCoupling,
-    known: dict[str, RigidMotion] | None = None,
+    prescribed: dict[str, RigidMotion] | None = None,
 ) -> NamedMotions:
-    return follow_cage(RibCage(bones, vertebrae.levels), vertebrae, coupling, known)
+    return follow_cage(RibCage(bones, vertebrae.levels), vertebrae, coupling, prescribed)
 
 
 def moved_vertebra(level: str) -> RigidMotion:
@@ -215,8 +215,8 @@ def test_heads_stay_at_their_facets_and_ribs_keep_their_shape() -> None:
     motions = follow(BONES, CURVED, RibCoupling())
     for rib in RIBS:
         head, _ = ends(BONES[rib], BONES[vertebra(rib)])
-        there = moved_vertebra(vertebra(rib)).apply(head)
-        np.testing.assert_allclose(motions[rib].apply(head), there, atol=1e-9)
+        goal = moved_vertebra(vertebra(rib)).apply(head)
+        np.testing.assert_allclose(motions[rib].apply(head), goal, atol=1e-9)
 
 
 def test_without_a_sternum_a_rib_takes_just_its_shares() -> None:
@@ -282,8 +282,8 @@ def test_ribs_below_the_seventh_take_a_part_of_the_tilt_that_grows_downwards() -
 
     def leaned(rib: str) -> float:
         axis = vertebra_poses(LANDMARKS, SpineCurve())[vertebra(rib)].axis
-        one, other = (motions[rib].rotation @ axis for motions in (level, some))
-        return float(np.arctan2(other[0], other[2]) - np.arctan2(one[0], one[2]))
+        axis_of_all, other = (motions[rib].rotation @ axis for motions in (level, some))
+        return float(np.arctan2(other[0], other[2]) - np.arctan2(axis_of_all[0], axis_of_all[2]))
 
     assert leaned("rib_left_06") == pytest.approx(0.0, abs=1e-12)
     for rib, part in (("rib_left_08", 0.2), ("rib_left_11", 0.8), ("rib_right_12", 1.0)):
@@ -295,16 +295,16 @@ def test_ribs_below_the_seventh_take_a_part_of_the_tilt_that_grows_downwards() -
 def test_sternum_and_shoulder_blade_are_nearest_to_what_carries_them() -> None:
     """Of ribs each of which moves on its own: the rigid motion fitted to the points that carry, all together."""
     bones, random = {**BONES, "scapula_left": BONES["rib_left_05"]}, np.random.default_rng(2)
-    known = {rib: RigidMotion.exp(random.normal(size=6) * [0.1, 0.1, 0.1, 9.0, 9.0, 9.0]) for rib in RIBS}
-    found = follow(bones, CURVED, RibCoupling(), known)
+    prescribed = {rib: RigidMotion.exp(random.normal(size=6) * [0.1, 0.1, 0.1, 9.0, 9.0, 9.0]) for rib in RIBS}
+    followed = follow(bones, CURVED, RibCoupling(), prescribed)
     tips = {rib: ends(BONES[rib], BONES[vertebra(rib)])[1][None] for rib in RIBS if int(rib[-2:]) <= 7}
     near = {rib: BONES[rib].vertices for rib in (f"rib_left_{number:02d}" for number in range(2, 8))}
     tree = KDTree(bones["scapula_left"].vertices)
     near = {rib: points[tree.query(points)[0] <= 20.0] for rib, points in near.items()}
     for bone, parts in (("sternum", tips), ("scapula_left", near)):
-        after = np.vstack([known[rib].apply(points) for rib, points in parts.items()])
+        after = np.vstack([prescribed[rib].apply(points) for rib, points in parts.items()])
         wanted = fit_rigid(np.vstack(list(parts.values())), after)
-        np.testing.assert_allclose(found[bone].as_matrix(), wanted.as_matrix(), atol=1e-9)
+        np.testing.assert_allclose(followed[bone].as_matrix(), wanted.as_matrix(), atol=1e-9)
 
 
 def test_a_shoulder_blade_rides_on_the_ribs_under_it() -> None:
@@ -312,8 +312,8 @@ def test_a_shoulder_blade_rides_on_the_ribs_under_it() -> None:
     way = RigidMotion.exp(np.array([0.0, 0.1, 0.0, 4.0, 0.0, 9.0]))
     motions = follow_cage(RibCage(bones, ()), CURVED, RibCoupling(), {name: way for name in RIBS})
     assert "scapula_left" not in motions  # ribs whose vertebrae are unknown lead nothing
-    known = dict.fromkeys(RIBS, way)
-    motions = follow(bones, CURVED, RibCoupling(), known)
+    prescribed = dict.fromkeys(RIBS, way)
+    motions = follow(bones, CURVED, RibCoupling(), prescribed)
     np.testing.assert_allclose(motions["scapula_left"].as_matrix(), way.as_matrix(), atol=1e-9)
-    half = follow(bones, CURVED, RibCoupling(scapula=0.5), known)["scapula_left"]
+    half = follow(bones, CURVED, RibCoupling(scapula=0.5), prescribed)["scapula_left"]
     np.testing.assert_allclose((half * half).as_matrix(), way.as_matrix(), atol=1e-9)

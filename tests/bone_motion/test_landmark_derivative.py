@@ -95,26 +95,26 @@ def compare(bones: dict[str, Surface], before: Landmarks, after: Landmarks, pose
     ways = random.normal(size=(2, 2, *before.points.shape))
     signs = STEP * np.array([1.0, -1.0])[:, None, None]
     for way in ways:
-        there = motions(before.points + signs * way[0], after.points + signs * way[1])
-        ends = np.array([[there[name][end].apply(trunk.nodes) for name in bones] for end in range(2)])
+        bones_at = motions(before.points + signs * way[0], after.points + signs * way[1])
+        ends = np.array([[bones_at[name][end].apply(trunk.nodes) for name in bones] for end in range(2)])
         wanted = ((ends[0] - ends[1]) * weights).sum(axis=(1, 2)) / (2.0 * STEP)
-        found = np.einsum("kni,ni->k", by_before, way[0]) + np.einsum("kni,ni->k", by_after, way[1])
-        np.testing.assert_allclose(found, wanted, rtol=1e-4, atol=1e-4 * np.abs(wanted).max())
+        derivative = np.einsum("kni,ni->k", by_before, way[0]) + np.einsum("kni,ni->k", by_after, way[1])
+        np.testing.assert_allclose(derivative, wanted, rtol=1e-4, atol=1e-4 * np.abs(wanted).max())
 
 
 def test_sets_at_once_are_as_each_alone() -> None:
     """Of a plan, and of landmarks with errors, whose vertebrae are smoothed each by its own smoothness."""
     random, bones = np.random.default_rng(7), all_kinds()
     marks = [(BEFORE, AFTER), *((with_errors(BEFORE, random), with_errors(AFTER, random)) for _ in range(3))]
-    before, after = np.array([[one.points for one in pair] for pair in marks]).transpose(1, 0, 2, 3)
+    before, after = np.array([[landmarks.points for landmarks in pair] for pair in marks]).transpose(1, 0, 2, 3)
     for pose in ("surgery", "bending"):
         together = bone_motions(Skeleton(bones, BEFORE), before, after, RibCoupling(), pose=pose)
-        for number, (here, there) in enumerate(zip(before, after, strict=True)):
-            skeleton = Skeleton(bones, Landmarks(BEFORE.names, here))
-            alone = bone_motions(skeleton, here[None], there[None], RibCoupling(), pose=pose)
+        for number, (start, end) in enumerate(zip(before, after, strict=True)):
+            skeleton = Skeleton(bones, Landmarks(BEFORE.names, start))
+            alone = bone_motions(skeleton, start[None], end[None], RibCoupling(), pose=pose)
             for name, bone in bones.items():
-                one, other = (found[name].apply(bone.vertices) for found in (together.at(number), alone.at(0)))
-                np.testing.assert_allclose(one, other, atol=1e-9)
+                in_batch, other = (sets[name].apply(bone.vertices) for sets in (together.at(number), alone.at(0)))
+                np.testing.assert_allclose(in_batch, other, atol=1e-9)
 
 
 def test_bones_that_the_spline_carries() -> None:
@@ -125,5 +125,5 @@ def test_bones_that_the_spline_carries() -> None:
     way = random.normal(size=(2, *before.shape))
     ends = [fit_spline(before + s * STEP * way[0], after + s * STEP * way[1])(nodes) for s in (1.0, -1.0)]
     wanted = np.tensordot(weights, ends[0] - ends[1], axes=2) / (2.0 * STEP)
-    found = np.tensordot(by_before, way[0], axes=2) + np.tensordot(by_after, way[1], axes=2)
-    np.testing.assert_allclose(found, wanted, rtol=1e-4, atol=1e-4 * np.abs(wanted).max())
+    derivative = np.tensordot(by_before, way[0], axes=2) + np.tensordot(by_after, way[1], axes=2)
+    np.testing.assert_allclose(derivative, wanted, rtol=1e-4, atol=1e-4 * np.abs(wanted).max())

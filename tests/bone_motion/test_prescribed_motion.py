@@ -49,16 +49,16 @@ def test_rigid_bones_keep_their_shape_at_every_increment(jointed) -> None:
     trunk, motions = jointed
     path = rigid_path(trunk, motions)
     for t in np.linspace(0.1, 1.0, 10):
-        there = trunk.nodes + path.at(t)
+        nodes = trunk.nodes + path.at(t)
         for number in range(2):
             mine = np.flatnonzero(trunk.bone == number)
-            before, after = (p[mine][:, None] - p[mine][None] for p in (trunk.nodes, there))
+            before, after = (p[mine][:, None] - p[mine][None] for p in (trunk.nodes, nodes))
             assert np.abs(np.linalg.norm(after, axis=2) - np.linalg.norm(before, axis=2)).max() < 1e-6
         off_bone = trunk.bone < 0
         np.testing.assert_array_equal(path.at(t)[off_bone], t * path.displacement[off_bone])
     upper = trunk.bone == 0
-    there = trunk.nodes + path.at(1.0)
-    np.testing.assert_allclose(there[upper], motions["upper"].apply(trunk.nodes[upper]), atol=1e-9)
+    nodes = trunk.nodes + path.at(1.0)
+    np.testing.assert_allclose(nodes[upper], motions["upper"].apply(trunk.nodes[upper]), atol=1e-9)
     np.testing.assert_array_equal(path.displacement, path.at(1.0))
     np.testing.assert_array_equal(path.at(0.4)[trunk.bone == 1], 0.0)
 

@@ -39,19 +39,19 @@ def parts(motion: RigidMotion, axis: np.ndarray) -> VertebraParts:
     ids=["turn about the own axis", "tilt to the left", "flexion to the front"],
 )
 def test_a_rotation_about_one_axis_is_one_part(about_axis, axis: np.ndarray, degrees: tuple[float, ...]) -> None:
-    found = parts(about(Rotation.from_rotvec(np.radians(12.0) * np.array(about_axis)), (5.0, 0.0, 2.0)), axis)
-    assert np.degrees([found.lateral_bending, found.flexion, found.axial_rotation]) == pytest.approx(
+    split = parts(about(Rotation.from_rotvec(np.radians(12.0) * np.array(about_axis)), (5.0, 0.0, 2.0)), axis)
+    assert np.degrees([split.lateral_bending, split.flexion, split.axial_rotation]) == pytest.approx(
         degrees, abs=1e-9
     )
-    assert found.shift == pytest.approx(5.0, abs=1e-9)
+    assert split.shift == pytest.approx(5.0, abs=1e-9)
 
 
 def test_all_shares_give_the_whole_rotation_back() -> None:
     rng = np.random.default_rng(4)
     for _ in range(20):
         rotation = Rotation.from_rotvec(rng.normal(scale=0.3, size=3))
-        found = parts(about(rotation), rng.normal(scale=0.3, size=3) + np.array([0.0, 0.0, 1.0]))
-        whole = found.share(axial_rotation=found.axial_rotation, lateral_bending=1.0)
+        split = parts(about(rotation), rng.normal(scale=0.3, size=3) + np.array([0.0, 0.0, 1.0]))
+        whole = split.share(axial_rotation=split.axial_rotation, lateral_bending=1.0)
         np.testing.assert_allclose(whole, rotation.as_matrix(), atol=1e-12)
 
 
@@ -62,8 +62,8 @@ def test_what_a_curve_turned_its_correction_turns_back_about_the_same_axis(tilt:
     )
 
     def shared(before: Rotation, after: Rotation) -> np.ndarray:
-        found = parts(about(after * before.inv()), before.apply([0.0, 0.0, 1.0]))
-        return found.share(axial_rotation=0.6 * found.axial_rotation, lateral_bending=tilt)
+        split = parts(about(after * before.inv()), before.apply([0.0, 0.0, 1.0]))
+        return split.share(axial_rotation=0.6 * split.axial_rotation, lateral_bending=tilt)
 
     grown, back = shared(straight, curved), shared(curved, straight)
     np.testing.assert_allclose(back @ grown, np.eye(3), atol=1e-12)
@@ -74,14 +74,14 @@ def test_what_a_curve_turned_its_correction_turns_back_about_the_same_axis(tilt:
 @pytest.mark.parametrize("degrees", [-17.0, 4.0])
 def test_a_motion_less_all_of_its_turn_only_leans(degrees: float) -> None:
     rotation = Rotation.from_euler("YXZ", [15.0, 6.0, degrees], degrees=True)
-    found = parts(about(rotation, (3.0, -2.0, 8.0)), np.array([0.0, 0.0, 1.0]))
+    split = parts(about(rotation, (3.0, -2.0, 8.0)), np.array([0.0, 0.0, 1.0]))
     around = CENTRE + 30.0 * np.vstack([np.zeros(3), np.eye(3)])
-    left = fit_rigid(around, found.without(found.axial_rotation, around))
+    left = fit_rigid(around, split.without(split.axial_rotation, around))
     assert Rotation.from_matrix(left.rotation).as_euler("YXZ", degrees=True) == pytest.approx(
         [15.0, 6.0, 0.0], abs=1e-9
     )
-    np.testing.assert_allclose(left.apply(CENTRE), found.motion.apply(CENTRE), atol=1e-9)
-    np.testing.assert_allclose(found.without(np.zeros(()), around[1]), found.motion.apply(around[1]), atol=1e-12)
+    np.testing.assert_allclose(left.apply(CENTRE), split.motion.apply(CENTRE), atol=1e-9)
+    np.testing.assert_allclose(split.without(np.zeros(()), around[1]), split.motion.apply(around[1]), atol=1e-12)
 
 
 def test_the_turn_of_a_leaning_vertebra_is_found_whichever_way_it_leans() -> None:
@@ -110,7 +110,7 @@ def coupled_turns(before: Landmarks, after: Landmarks, *, broken: bool = False) 
     levels = before.vertebrae()
     coupled = CoupledTurns(before, levels)
     plates = [coupled.endplates(marks.points) for marks in (before, after)]
-    smoothing = [None if broken else endplate_smoothing(one) for one in plates]
+    smoothing = [None if broken else endplate_smoothing(endplates) for endplates in plates]
     turns = coupled.of(cobb_angles(before), before.points[None], after.points[None], smoothing)
     return dict(zip(levels, np.degrees(turns[0]).tolist(), strict=True))
 
@@ -123,19 +123,19 @@ def coupled(before: SpineCurve, after: SpineCurve) -> dict[str, float]:
 @pytest.mark.parametrize("fraction", [0.3, 0.7, 1.0])
 def test_where_rotation_is_corrected_as_the_curve_is_all_of_the_turn_goes_with_it(direction, fraction) -> None:
     curve = SpineCurve(cobb=50.0, direction=direction)
-    found, whole = coupled(curve, curve.corrected(fraction)), rotations(curve)
+    turns, whole = coupled(curve, curve.corrected(fraction)), rotations(curve)
     assert abs(whole["T8"]) == pytest.approx(17.8, abs=1.0)
     for level in THORACIC:
-        assert found[level] == pytest.approx(-fraction * whole[level], abs=0.3)
+        assert turns[level] == pytest.approx(-fraction * whole[level], abs=0.3)
 
 
 def test_derotation_at_the_same_curve_changes_nothing_of_it() -> None:
     curve = SpineCurve(cobb=50.0)
     left = curve.corrected(0.6)
     more = replace(left, apical_rotation=left.rotation - 4.0)
-    one, other = coupled(curve, left), coupled(curve, more)
+    less, other = coupled(curve, left), coupled(curve, more)
     for level in THORACIC:
-        assert other[level] == pytest.approx(one[level], abs=0.05)
+        assert other[level] == pytest.approx(less[level], abs=0.05)
 
 
 def test_curves_of_one_spine_have_their_own_parts() -> None:
@@ -146,19 +146,19 @@ def test_curves_of_one_spine_have_their_own_parts() -> None:
         before.names,
         np.where([[name.split("_")[0] in thoracic] for name in before.names], after.points, before.points),
     )
-    found = coupled_turns(before, mixed, broken=True)
-    assert {"T8", "L2"} <= {one.apex for one in cobb_angles(before)}
-    assert abs(found["T8"]) > 2.0
-    assert abs(found["L2"]) < 1.5
+    turns = coupled_turns(before, mixed, broken=True)
+    assert {"T8", "L2"} <= {cobb.apex for cobb in cobb_angles(before)}
+    assert abs(turns["T8"]) > 2.0
+    assert abs(turns["L2"]) < 1.5
 
 
 def test_errors_of_landmarks_do_not_change_the_mean_turns() -> None:
     """Landmarks off by 2.1 +- 1.5 mm: the mean of 60 draws is the turn without errors, within 0.3 deviations."""
     before, after = before_and_after()
-    exact, found = coupled_turns(before, after), []
+    exact, drawn = coupled_turns(before, after), []
     for seed in range(60):
         random = np.random.default_rng(seed)
-        found.append(coupled_turns(with_errors(before, random), with_errors(after, random)))
+        drawn.append(coupled_turns(with_errors(before, random), with_errors(after, random)))
     for level in ("T6", "T8", "T10"):
-        turns = np.array([one[level] for one in found])
+        turns = np.array([draw[level] for draw in drawn])
         assert abs(turns.mean() - exact[level]) < 0.3 * turns.std()

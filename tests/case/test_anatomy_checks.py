@@ -28,8 +28,8 @@ def without(*begins: str) -> Case:
     return replace(CASE, bones={name: bone for name, bone in CASE.bones.items() if not name.startswith(begins)})
 
 
-def exchanged(one: str, other: str) -> Case:
-    return replace(CASE, bones=CASE.bones | {one: CASE.bones[other], other: CASE.bones[one]})
+def exchanged(bone: str, other: str) -> Case:
+    return replace(CASE, bones=CASE.bones | {bone: CASE.bones[other], other: CASE.bones[bone]})
 
 
 def skin_moved(by: tuple[float, float, float]) -> Case:

@@ -102,9 +102,9 @@ def test_a_skin_of_another_scale_is_warned_of(factor):
     case = small_case()
     middle = case.skin.vertices.mean(axis=0)
     skin = Surface((case.skin.vertices - middle) * factor + middle, case.skin.faces)
-    found = check_case(replace(case, skin=skin))
-    assert len(found) == (factor > 1.0)
-    assert all(text.startswith("skin: the vertebrae lie") and "3 to 35 mm is usual" in text for text in found)
+    warnings = check_case(replace(case, skin=skin))
+    assert len(warnings) == (factor > 1.0)
+    assert all(text.startswith("skin: the vertebrae lie") and "3 to 35 mm is usual" in text for text in warnings)
 
 
 def with_sternum(bend: float = 0.0, name: str = "sternum", keep: int | None = None) -> Case:
@@ -224,19 +224,19 @@ def test_reconstructions_with_the_errors_of_the_papers_are_in_order():
     assert refused <= 3
 
 
-@pytest.mark.parametrize(("one", "other"), list(combinations(VERTEBRA_POINTS, 2)))
+@pytest.mark.parametrize(("point", "other"), list(combinations(VERTEBRA_POINTS, 2)))
 @pytest.mark.parametrize("level", ["T1", "T8", "L5"])
-def test_two_points_exchanged_are_found(level, one, other):
+def test_two_points_exchanged_are_found(level, point, other):
     with pytest.raises(InputError, match=rf"^here: in {level} the .* must lie .* where two are exchanged"):
-        check_order(exchanged(BEFORE, (f"{level}_{one}", f"{level}_{other}")), "here")
+        check_order(exchanged(BEFORE, (f"{level}_{point}", f"{level}_{other}")), "here")
 
 
 @pytest.mark.parametrize("upper", range(16))
 def test_neighbouring_vertebrae_exchanged_are_found(upper):
-    one, other = LEVELS[upper : upper + 2]
+    above, other = LEVELS[upper : upper + 2]
     with pytest.raises(InputError, match=r"must lie above .* along the spine, but lies below") as error:
-        check_order(exchanged(BEFORE, (one, other)), "here")
-    assert one in str(error.value) or other in str(error.value)
+        check_order(exchanged(BEFORE, (above, other)), "here")
+    assert above in str(error.value) or other in str(error.value)
 
 
 def test_a_point_a_little_on_the_wrong_side_is_a_warning():
@@ -294,9 +294,9 @@ def test_another_patient_is_refused(factor):
 
 @pytest.mark.parametrize(("moved", "said"), [(4.9, 0), (5.1, 1), (9.9, 1)])
 def test_an_iliac_spine_that_moves_is_warned_of(moved, said):
-    found = check_frame(BEFORE, shifted(AFTER, "asis_right", (0.0, 0.0, moved)), "after")
-    assert len(found) == said
-    assert all(text.startswith(f"after: 'asis_right' moves by {moved:.1f} mm") for text in found)
+    warnings = check_frame(BEFORE, shifted(AFTER, "asis_right", (0.0, 0.0, moved)), "after")
+    assert len(warnings) == said
+    assert all(text.startswith(f"after: 'asis_right' moves by {moved:.1f} mm") for text in warnings)
 
 
 @pytest.mark.parametrize(

@@ -15,13 +15,13 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 
 
-def assert_equal(one: Case, other: Case) -> None:
-    assert (one.name, one.tissue, list(one.bones)) == (other.name, other.tissue, list(other.bones))
-    for a, b in [(one.skin, other.skin), *((one.bones[n], other.bones[n]) for n in one.bones)]:
+def assert_equal(first: Case, other: Case) -> None:
+    assert (first.name, first.tissue, list(first.bones)) == (other.name, other.tissue, list(other.bones))
+    for a, b in [(first.skin, other.skin), *((first.bones[n], other.bones[n]) for n in first.bones)]:
         np.testing.assert_array_equal(a.vertices, b.vertices)
         np.testing.assert_array_equal(a.faces, b.faces)
     for key in ("landmarks_before", "planned_landmarks"):
-        a, b = getattr(one, key), getattr(other, key)
+        a, b = getattr(first, key), getattr(other, key)
         assert a.names == b.names
         np.testing.assert_array_equal(a.points, b.points)
 

@@ -112,12 +112,12 @@ def test_a_case_with_layers_comes_back(tmp_path: Path) -> None:
     assert (folder / "labels.vtu").read_text(encoding="utf-8") == "labels"
 
 
-GIVEN = {"poisson_ratio": 0.1 + 0.2, "fat.youngs_modulus": 3.25, "ribs.reversible_part": 0.55}
+CONSTANTS = {"poisson_ratio": 0.1 + 0.2, "fat.youngs_modulus": 3.25, "ribs.reversible_part": 0.55}
 
 
 def test_what_is_set_is_there():
-    case = with_constants(small_case(), GIVEN)
-    assert {name: constant_of(case, name) for name in GIVEN} == GIVEN
+    case = with_constants(small_case(), CONSTANTS)
+    assert {name: constant_of(case, name) for name in CONSTANTS} == CONSTANTS
     skin, fat, muscle = not_none(case.layers).tissues(case.tissue)
     assert (skin.youngs_modulus, fat.youngs_modulus, muscle.youngs_modulus) == (130.0, 3.25, 10.0)
     assert fat.poisson_ratio == 0.1 + 0.2
@@ -134,8 +134,8 @@ def test_constants_of_the_ribs_make_no_layers_and_those_of_layers_stay():
 
 def test_tissue_comes_back(tmp_path):
     path = tmp_path / "tissue.toml"
-    write_tissue_file(path, GIVEN, ["calibrated"])
-    assert read_tissue_file(path) == GIVEN
+    write_tissue_file(path, CONSTANTS, ["calibrated"])
+    assert read_tissue_file(path) == CONSTANTS
     assert path.read_text(encoding="utf-8").startswith("# calibrated\n")
 
 

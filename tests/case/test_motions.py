@@ -37,21 +37,21 @@ def test_a_follower_takes_its_share_of_each_screw():
         "half": Motion(follows={"a": 0.5}),
         "both": Motion(follows={"b": 0.25, "still": 0.75}),
     }
-    found = rigid_motions(motions)
-    twice = found["half"] * found["half"]
-    np.testing.assert_allclose(twice.as_matrix(), found["a"].as_matrix(), atol=1e-12)
-    np.testing.assert_allclose(found["both"].as_matrix()[:3, 3], [0.0, 2.0, 0.0], atol=1e-12)
+    rigid = rigid_motions(motions)
+    twice = rigid["half"] * rigid["half"]
+    np.testing.assert_allclose(twice.as_matrix(), rigid["a"].as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(rigid["both"].as_matrix()[:3, 3], [0.0, 2.0, 0.0], atol=1e-12)
 
 
 @pytest.mark.parametrize("code", ["LPS", "RAS", "SAL", "LAS"])
 def test_axes_of_the_case_are_those_of_its_motions(tmp_path, code):
     text = "[a]\ntranslation = [1, 2, 3]\nrotation = { degrees = 30, axis = [1, 0, 0], point = [0, 5, 0] }\n"
     axes = Axes(code)
-    found = rigid_motions(read_motions(written(tmp_path, text), axes))["a"]
+    rigid = rigid_motions(read_motions(written(tmp_path, text), axes))["a"]
     turn = Rotation.from_rotvec(np.radians(30.0) * axes.matrix[:, 0])  # right-handed in the patient
     point, shift = axes.matrix @ [0.0, 5.0, 0.0], axes.matrix @ [1.0, 2.0, 3.0]
-    np.testing.assert_allclose(found.apply(np.array([point]))[0], point + shift, atol=1e-12)
-    np.testing.assert_allclose(found.rotation, turn.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(rigid.apply(np.array([point]))[0], point + shift, atol=1e-12)
+    np.testing.assert_allclose(rigid.rotation, turn.as_matrix(), atol=1e-12)
 
 
 def test_a_matrix_is_in_the_axes_of_the_case_and_an_itk_transform_in_lps_and_the_other_way(tmp_path):
@@ -62,10 +62,10 @@ def test_a_matrix_is_in_the_axes_of_the_case_and_an_itk_transform_in_lps_and_the
         encoding="utf-8",
     )
     text = '[a]\ntransform = "a.txt"\n[b]\ntransform = "b.tfm"\n'
-    found = rigid_motions(read_motions(written(tmp_path, text), Axes("RAS")))
-    np.testing.assert_allclose(found["a"].as_matrix()[:3, 3], [-4.0, 0.0, 0.0])
+    rigid = rigid_motions(read_motions(written(tmp_path, text), Axes("RAS")))
+    np.testing.assert_allclose(rigid["a"].as_matrix()[:3, 3], [-4.0, 0.0, 0.0])
     # ITK takes (11, 0, 0) to (10, 1, -7): from after to before
-    np.testing.assert_allclose(found["b"].apply(np.array([[10.0, 1.0, -7.0]])), [[11.0, 0.0, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(rigid["b"].apply(np.array([[10.0, 1.0, -7.0]])), [[11.0, 0.0, 0.0]], atol=1e-12)
 
 
 def test_motions_come_back_from_their_text(tmp_path):
@@ -96,9 +96,9 @@ def test_all_bones_after_surgery_do_in_place_of_landmarks(tmp_path):
         name: Surface(bone.vertices + np.array([0.0, 0.0, 2.0]), bone.faces) for name, bone in case.bones.items()
     }
     write_case(tmp_path, replace(case, bones_after=moved))
-    found = read_case(tmp_path).given_motions
+    rigid = read_case(tmp_path).given_motions
     np.testing.assert_allclose(
-        [one.as_matrix()[:3, 3] for one in found.values()], [[0.0, 0.0, 2.0]] * 4, atol=1e-9
+        [motion.as_matrix()[:3, 3] for motion in rigid.values()], [[0.0, 0.0, 2.0]] * 4, atol=1e-9
     )
     (tmp_path / "bones_after" / "left.ply").unlink()
     with pytest.raises(InputError, match="landmarks_before"):
@@ -120,9 +120,9 @@ def test_landmarks_go_with_the_bones_that_move_and_cartilages_with_both_ends():
         **case.bones,
         "costal_cartilage_left_07": Surface(bar - [1.0, 0.0, 0.0], case.bones["rib_left_07"].faces),
     }
-    found = given_motions(Skeleton(bones), lifted.given_motions)
-    assert not found["rib_left_07"].moves
-    assert found["costal_cartilage_left_07"].moves
+    rigid = given_motions(Skeleton(bones), lifted.given_motions)
+    assert not rigid["rib_left_07"].moves
+    assert rigid["costal_cartilage_left_07"].moves
 
 
 def test_bones_that_pass_into_each_other_are_named_with_the_place():

@@ -40,7 +40,7 @@ def shifted(marks: Landmarks) -> Landmarks:
 
 def changed(record: Any) -> list[Any]:
     """The record with each of its numbers changed."""
-    return [replace(record, **{one.name: 0.99 * getattr(record, one.name) or 0.01}) for one in fields(record)]
+    return [replace(record, **{f.name: 0.99 * getattr(record, f.name) or 0.01}) for f in fields(record)]
 
 
 CHANGES: dict[str, list[Any]] = {
@@ -75,7 +75,7 @@ def inputs(case: Case, options: CohortOptions = OPTIONS) -> Any:
 
 
 def test_every_field_of_a_case_is_decided() -> None:
-    assert {one.name for one in fields(Case)} == CHANGES.keys()
+    assert {field.name for field in fields(Case)} == CHANGES.keys()
 
 
 @pytest.mark.parametrize("field", CHANGES)
@@ -101,8 +101,8 @@ EXECUTION_WITHOUT = {"cache", "record", "view", "yes"}
 
 
 def test_every_option_is_decided() -> None:
-    assert {one.name for one in fields(RunOptions)} == RUN.keys() | RUN_ELSEWHERE.keys()
-    assert {one.name for one in fields(Execution)} == EXECUTION.keys() | EXECUTION_WITHOUT
+    assert {field.name for field in fields(RunOptions)} == RUN.keys() | RUN_ELSEWHERE.keys()
+    assert {field.name for field in fields(Execution)} == EXECUTION.keys() | EXECUTION_WITHOUT
 
 
 @pytest.mark.parametrize("option", RUN)

@@ -26,12 +26,12 @@ def level(
 
 
 def case(
-    folder: str, *rows: list[Measured], hump: tuple[float, float, float] | None = None, **known: Any
+    folder: str, *rows: list[Measured], hump: tuple[float, float, float] | None = None, **columns: Any
 ) -> CaseRow:
     states = zip(("before", "predicted", "actual"), hump or (), strict=False)
     humps = [Measured(state, "T8", "main_hump_mm", value) for state, value in states]
-    measures = (*humps, *(row for one in rows for row in one))
-    return CaseRow(**{"folder": folder, "status": "CONVERGED", "measures": measures, **known})
+    measures = (*humps, *(row for several in rows for row in several))
+    return CaseRow(**{"folder": folder, "status": "CONVERGED", "measures": measures, **columns})
 
 
 ROWS = [
@@ -57,24 +57,24 @@ ROWS = [
 
 
 def test_who_counts():
-    found = summarize_cohort(ROWS)
-    assert (found.cases, found.counted, found.patients, found.synthetic) == (6, 2, 2, 1)
-    left_out = found.failed, found.unfinished, found.without_actual, found.bending
+    summary = summarize_cohort(ROWS)
+    assert (summary.cases, summary.counted, summary.patients, summary.synthetic) == (6, 2, 2, 1)
+    left_out = summary.failed, summary.unfinished, summary.without_actual, summary.bending
     assert left_out == (("e",), ("d",), ("c",), ("f",))
-    assert not found.complete
+    assert not summary.complete
     assert summarize_cohort(ROWS[:3]).complete
 
 
 def test_the_papers_table_of_a_case():
     """T5 1, T6 3: mean 2, SD sqrt(2)."""
-    (found,) = case_errors(errors(ROWS[:1])).filter(range="T3-T12", guess="predicted").to_dicts()
-    assert (found["mean"], found["sd"]) == (2.0, pytest.approx(2.0**0.5))
+    (errors_of_case,) = case_errors(errors(ROWS[:1])).filter(range="T3-T12", guess="predicted").to_dicts()
+    assert (errors_of_case["mean"], errors_of_case["sd"]) == (2.0, pytest.approx(2.0**0.5))
 
 
 def test_ranges():
     """T3-L5: a has 1, 3, 1 and b 1, 3: means 5/3 and 2. Nothing changes: 5, 3, 1 and 8, 1; spline: 4, 0, 3 and
     4, 2."""
-    found = summarize_cohort(ROWS).ranges["T3-L5"]
+    rotations = summarize_cohort(ROWS).ranges["T3-L5"]
     means = {
         "error": (5.0 / 3.0 + 2.0) / 2.0,
         "nothing_changes": (3.0 + 4.5) / 2.0,
@@ -85,22 +85,22 @@ def test_ranges():
         "cases_within": 1.0,
         "in_band": (0.5 + 1.0) / 2.0,
     }
-    assert {name: estimate and estimate.mean for name, estimate in found.items()} == pytest.approx(means)
-    error = not_none(found["error"])
+    assert {name: estimate and estimate.mean for name, estimate in rotations.items()} == pytest.approx(means)
+    error = not_none(rotations["error"])
     assert error.sd == pytest.approx((1.0 / 3.0) / 2.0**0.5)
 
 
 def test_levels_hump_and_trends():
-    found = summarize_cohort(ROWS)
-    assert list(found.levels) == ["T5", "T6", "L2"]
-    t5 = found.levels["T5"]
+    summary = summarize_cohort(ROWS)
+    assert list(summary.levels) == ["T5", "T6", "L2"]
+    t5 = summary.levels["T5"]
     assert (t5.error.mean, t5.error.sd, t5.bias, t5.nothing_changes, t5.spline) == (1.0, 0.0, 1.0, 6.5, 4.0)
-    assert found.levels["L2"].bias == -2.0  # -1 and -3
-    hump, agreement = not_none(found.hump), not_none(found.agreement)
+    assert summary.levels["L2"].bias == -2.0  # -1 and -3
+    hump, agreement = not_none(summary.hump), not_none(summary.agreement)
     assert (hump.error.mean, hump.agreement.bias) == (3.0, -2.0)  # +1 and -5
     assert (agreement.pairs, agreement.bias) == (5, pytest.approx((1 - 3 - 1 + 1 - 3) / 5))
-    assert found.trends["cobb_deg"] is None  # two cases have no trend
-    assert found.trends["months_after"] is None
+    assert summary.trends["cobb_deg"] is None  # two cases have no trend
+    assert summary.trends["months_after"] is None
 
 
 def test_a_method_that_is_worse_than_doing_nothing_says_so_first(tmp_path: Path):
@@ -125,7 +125,7 @@ def test_cases_without_a_spine_are_judged_by_their_skins(tmp_path: Path):
     rows = [moved("P1", 1.0, 5.0), moved("P2", 3.0, 9.0), *ROWS]
     summary = write_cohort(tmp_path, rows)
     assert summary.counted == 4
-    assert {name: one and one.mean for name, one in summary.distance.items()} == {
+    assert {name: estimate and estimate.mean for name, estimate in summary.distance.items()} == {
         "error": 2.0,
         "nothing_changes": 7.0,
     }
@@ -136,43 +136,43 @@ def test_cases_without_a_spine_are_judged_by_their_skins(tmp_path: Path):
 
 def test_each_patient_counts_once():
     """Patient a: (1 + 3) / 2 = 2; b: 5; c: 8. Mean 5, deviations -3, 0, 3, so SD 3."""
-    found = not_none(over_patients([1.0, 3.0, 5.0, 8.0], ["a", "a", "b", "c"]))
-    assert (found.mean, found.sd, found.patients) == (5.0, 3.0, 3)
+    mean = not_none(over_patients([1.0, 3.0, 5.0, 8.0], ["a", "a", "b", "c"]))
+    assert (mean.mean, mean.sd, mean.patients) == (5.0, 3.0, 3)
 
 
 def test_an_interval_of_three_patients_goes_from_the_least_to_the_most():
     """All three draws are the least patient in 1 of 27, more often than 2.5 %."""
-    found = not_none(over_patients([2.0, 5.0, 8.0], ["a", "b", "c"]))
-    assert (found.low, found.high) == (2.0, 8.0)
+    mean = not_none(over_patients([2.0, 5.0, 8.0], ["a", "b", "c"]))
+    assert (mean.low, mean.high) == (2.0, 8.0)
 
 
 def test_the_interval_of_many_patients_is_the_normal_one():
     """Of 200 patients, 100 at 0 and 100 at 1: standard error 0.5 / sqrt(200) = 0.0354."""
-    found = not_none(over_patients([0.0, 1.0] * 100, [str(n) for n in range(200)]))
-    assert found.low == pytest.approx(0.5 - 1.96 * 0.0354, abs=0.006)
-    assert found.high == pytest.approx(0.5 + 1.96 * 0.0354, abs=0.006)
+    mean = not_none(over_patients([0.0, 1.0] * 100, [str(n) for n in range(200)]))
+    assert mean.low == pytest.approx(0.5 - 1.96 * 0.0354, abs=0.006)
+    assert mean.high == pytest.approx(0.5 + 1.96 * 0.0354, abs=0.006)
 
 
 @pytest.mark.parametrize(("values", "sd"), [([2.0], None), ([2.0, 4.0], np.sqrt(2.0))])
 def test_few_patients_have_no_interval(values, sd):
-    found = not_none(over_patients(values, [str(n) for n in range(len(values))]))
-    assert found.sd == (None if sd is None else pytest.approx(sd))
-    assert found.low is None
-    assert found.high is None
+    mean = not_none(over_patients(values, [str(n) for n in range(len(values))]))
+    assert mean.sd == (None if sd is None else pytest.approx(sd))
+    assert mean.low is None
+    assert mean.high is None
 
 
 def test_one_pair_each_is_the_plain_limit():
     """1, 2, 3: mean 2, SD 1, limits 2 ± 1.96."""
-    found = not_none(limits_of_agreement([1.0, 2.0, 3.0], ["a", "b", "c"]))
-    assert (found.bias, found.sd) == (2.0, 1.0)
-    assert (found.low, found.high) == (pytest.approx(0.04), pytest.approx(3.96))
+    limits = not_none(limits_of_agreement([1.0, 2.0, 3.0], ["a", "b", "c"]))
+    assert (limits.bias, limits.sd) == (2.0, 1.0)
+    assert (limits.low, limits.high) == (pytest.approx(0.04), pytest.approx(3.96))
 
 
 def test_several_pairs_add_what_lies_within_and_between_patients():
     """a: 0, 2; b: 4, 6. Within: (1 + 1 + 1 + 1) / (4 - 2) = 2. Between: 2 (4 + 4) / 1 = 16. Pairs of each:
     (4 - 8 / 4) / 1 = 2. Variance of patients (16 - 2) / 2 = 7, of a difference 2 + 7 = 9."""
-    found = not_none(limits_of_agreement([0.0, 2.0, 4.0, 6.0], ["a", "a", "b", "b"]))
-    assert (found.bias, found.sd, found.pairs, found.patients) == (3.0, 3.0, 4, 2)
+    limits = not_none(limits_of_agreement([0.0, 2.0, 4.0, 6.0], ["a", "a", "b", "b"]))
+    assert (limits.bias, limits.sd, limits.pairs, limits.patients) == (3.0, 3.0, 4, 2)
 
 
 def test_limits_hold_what_they_promise():
@@ -180,17 +180,17 @@ def test_limits_hold_what_they_promise():
     random = np.random.default_rng(3)
     drawn = random.normal(0.0, 2.0, (2000, 1)) + random.normal(0.0, 1.0, (2000, 12))
     cases = np.repeat(np.arange(2000), 12).astype(str).tolist()
-    found = not_none(limits_of_agreement(drawn.ravel().tolist(), cases))
-    assert found.sd == pytest.approx(np.sqrt(5.0), rel=0.03)
+    limits = not_none(limits_of_agreement(drawn.ravel().tolist(), cases))
+    assert limits.sd == pytest.approx(np.sqrt(5.0), rel=0.03)
 
 
 def test_a_line_by_hand():
     """Points (0, 1), (1, 3), (2, 2): slope 1 / 2, intercept 1.5, correlation 1 / sqrt(2 * 2) = 0.5."""
-    found = not_none(trend([0.0, 1.0, None, 2.0, 9.0], [1.0, 3.0, 7.0, 2.0, None]))
-    assert (found.slope, found.intercept, found.correlation) == (
+    line = not_none(trend([0.0, 1.0, None, 2.0, 9.0], [1.0, 3.0, 7.0, 2.0, None]))
+    assert (line.slope, line.intercept, line.correlation) == (
         pytest.approx(0.5), pytest.approx(1.5), pytest.approx(0.5),
     )  # fmt: skip
-    assert found.p == pytest.approx(
+    assert line.p == pytest.approx(
         2.0 / 3.0
     )  # t = 0.5 / sqrt(0.75) = 1 / sqrt(3), one degree of freedom: 60 degrees
-    assert found.points == 3
+    assert line.points == 3

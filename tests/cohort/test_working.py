@@ -102,7 +102,7 @@ def test_a_killed_worker_costs_a_retry_and_changes_no_bit(
     with killed_at_work(tmp_path) as killed:
         done = work(client, sorted(cases.iterdir()), tmp_path, cohort_options(), Progress())
     assert len(killed) == 1
-    assert [one.row.status for one in done] == ["CONVERGED"] * 3 + ["FAILED"]
+    assert [outcome.row.status for outcome in done] == ["CONVERGED"] * 3 + ["FAILED"]
     assert "landmarks_before.csv: there is no such file" in done[3].row.reason
     assert contents(tmp_path, "abc") == contents(alone, "abc")
     assert levels(tmp_path) == levels(alone)
@@ -117,9 +117,9 @@ def test_what_is_done_is_kept_and_what_changed_is_done_again(cases: Path, alone:
     for file in (alone / "a").iterdir():
         out.mkdir(exist_ok=True)
         (out / file.name).write_bytes(file.read_bytes())
-    kept = do_case(cases / "a", out, cohort_options())
-    assert kept.kept
-    assert kept.row.measures
+    earlier = do_case(cases / "a", out, cohort_options())
+    assert earlier.kept
+    assert earlier.row.measures
     options = cohort_options()
     stiffer = dataclasses.replace(options.run, constants={"youngs_modulus": 5.0})
     changed = dataclasses.replace(options, run=stiffer)

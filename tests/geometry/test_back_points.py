@@ -35,9 +35,7 @@ def scan(*, noise=0.1, hair=None, seed=0):
 
 def plane(x, y, z, step=7.0):
     """Points of a plane: two of the three are ranges, one is a number."""
-    sides = [
-        np.arange(one[0], one[1], step) if isinstance(one, tuple) else np.array([float(one)]) for one in (x, y, z)
-    ]
+    sides = [np.arange(s[0], s[1], step) if isinstance(s, tuple) else np.array([float(s)]) for s in (x, y, z)]
     points = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 3)
     return points + np.random.default_rng(1).normal(0.0, 0.4, points.shape)
 
@@ -53,14 +51,14 @@ def measured(points):
 
 
 @pytest.fixture(scope="module")
-def known():
+def true_rotations():
     """Rotation by level of the skin without noise."""
-    return {level: not_none(one).rotation for level, one in measured(scan(noise=0.0)).levels.items()}
+    return {level: not_none(level_back).rotation for level, level_back in measured(scan(noise=0.0)).levels.items()}
 
 
-def errors(found, known):
+def errors(back, truth):
     """The error of each level that has a rotation."""
-    pairs = ((one and one.rotation, known[level]) for level, one in found.levels.items())
+    pairs = ((at and at.rotation, truth[level]) for level, at in back.levels.items())
     return np.array([np.nan if angle is None else abs(angle - right) for angle, right in pairs])
 
 
@@ -78,22 +76,22 @@ SURROUNDINGS = {
 
 
 @pytest.mark.parametrize("name", SURROUNDINGS)
-def test_what_surrounds_a_back_is_left_out_and_counted(name, known):
+def test_what_surrounds_a_back_is_left_out_and_counted(name, true_rotations):
     around = SURROUNDINGS[name]
-    found = measured(np.vstack([scan(), around]))
-    assert errors(found, known).max() < 0.5
-    left = len(not_none(found.scan).surroundings) + len(not_none(found.scan).hidden)
+    back = measured(np.vstack([scan(), around]))
+    assert errors(back, true_rotations).max() < 0.5
+    left = len(not_none(back.scan).surroundings) + len(not_none(back.scan).hidden)
     assert left > 0.8 * len(np.unique(np.floor(around / 3.0), axis=0))
-    assert f"{left} of " in found.text()
+    assert f"{left} of " in back.text()
 
 
 def test_a_clean_scan_is_the_back_alone():
     points = scan()
-    found = find_back(points, LINE, LEFT)
-    assert len(found.surroundings) + len(found.hidden) <= 0.001 * len(points)
-    assert not found.stands
-    assert not found.smoothed
-    assert found.noise == pytest.approx(0.1, rel=0.25)
+    back = find_back(points, LINE, LEFT)
+    assert len(back.surroundings) + len(back.hidden) <= 0.001 * len(points)
+    assert not back.stands
+    assert not back.smoothed
+    assert back.noise == pytest.approx(0.1, rel=0.25)
     assert measured(points).notes == ()
 
 
@@ -108,29 +106,29 @@ def plait(profile, width=50.0, height=12.0, end=250.0, aside=0.0):
 
 @pytest.mark.parametrize("profile", ["box", "round", "cosine"])
 @pytest.mark.parametrize("aside", [0.0, 45.0])
-def test_a_plait_does_not_turn_the_back(profile, aside, known):
+def test_a_plait_does_not_turn_the_back(profile, aside, true_rotations):
     """Each level is right within a degree, or left out because it depends on the skin under the plait."""
     points = scan(hair=plait(profile, aside=aside))
-    found = measured(points)
-    error = errors(found, known)
+    back = measured(points)
+    error = errors(back, true_rotations)
     assert np.nanmax(error) < 1.0
-    below = [k for k, one in enumerate(found.levels.values()) if not_none(one).height < 230.0]
+    below = [k for k, at in enumerate(back.levels.values()) if not_none(at).height < 230.0]
     assert np.isfinite(error[below]).all()
-    upper = {level for level, one in found.levels.items() if not_none(one).height > 260.0}
-    told = {level for level, one in found.levels.items() if not_none(one).bridged} | found.missing.keys()
+    upper = {level for level, at in back.levels.items() if not_none(at).height > 260.0}
+    told = {level for level, at in back.levels.items() if not_none(at).bridged} | back.missing.keys()
     assert upper <= told
-    on = not_none(found.scan).raised
+    on = not_none(back.scan).raised
     assert (on[:, 2] > 235.0).mean() > 0.98
     assert (np.abs(on[:, 0] - aside) < 33.0).mean() > 0.98
     for level in upper:
-        assert level in found.text().split("Positive:")[1]
+        assert level in back.text().split("Positive:")[1]
 
 
-def test_hair_over_the_whole_upper_back_leaves_its_levels_out(known):
-    found = measured(scan(hair=lambda x, z: np.where((np.abs(x - 20.0) < 80.0) & (z > 220.0), 15.0, 0.0)))
-    error = errors(found, known)
+def test_hair_over_the_whole_upper_back_leaves_its_levels_out(true_rotations):
+    back = measured(scan(hair=lambda x, z: np.where((np.abs(x - 20.0) < 80.0) & (z > 220.0), 15.0, 0.0)))
+    error = errors(back, true_rotations)
     assert np.nanmax(error) < 1.0
-    assert {level for level, one in found.levels.items() if not_none(one).height > 245.0} <= found.missing.keys()
+    assert {level for level, at in back.levels.items() if not_none(at).height > 245.0} <= back.missing.keys()
 
 
 def splats(sd, seed):
@@ -142,20 +140,20 @@ def splats(sd, seed):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_points_of_apps_are_smoothed_and_their_noise_is_in_the_intervals(seed, known):
-    found = measured(splats(3.0, seed))
-    scanned = not_none(found.scan)
+def test_points_of_apps_are_smoothed_and_their_noise_is_in_the_intervals(seed, true_rotations):
+    back = measured(splats(3.0, seed))
+    scanned = not_none(back.scan)
     assert scanned.smoothed
     assert scanned.noise == pytest.approx(3.0, rel=0.25)
     assert scanned.error < 0.3 * scanned.noise
-    error = errors(found, known)
+    error = errors(back, true_rotations)
     assert np.isfinite(error).all()
     assert error.max() < 1.6
     assert np.sqrt(np.mean(error**2)) < 1.0
-    rows = [row for row in found.measured() if row.quantity == "bsr_deg"]
-    inside = [not_none(row.low) <= known[row.level] <= not_none(row.high) for row in rows]
+    rows = [row for row in back.measured() if row.quantity == "bsr_deg"]
+    inside = [not_none(row.low) <= true_rotations[row.level] <= not_none(row.high) for row in rows]
     assert np.mean(inside) > 0.8
-    assert "scatter by" in found.text()
+    assert "scatter by" in back.text()
     assert NOISY < 1.0
 
 
@@ -173,7 +171,7 @@ def test_a_bridge_over_a_cylinder_is_the_cylinder():
     np.testing.assert_allclose(bridge(spoilt, ~part, part)[part], depth[part], atol=0.8)
 
 
-def test_a_plait_is_found_before_a_sparser_wall(known):
-    found = measured(np.vstack([scan(hair=plait("round")), SURROUNDINGS["a wall 200 mm in front"]]))
-    assert np.nanmax(errors(found, known)) < 1.0
-    assert not_none(found.scan).stands
+def test_a_plait_is_found_before_a_sparser_wall(true_rotations):
+    back = measured(np.vstack([scan(hair=plait("round")), SURROUNDINGS["a wall 200 mm in front"]]))
+    assert np.nanmax(errors(back, true_rotations)) < 1.0
+    assert not_none(back.scan).stands

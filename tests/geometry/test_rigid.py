@@ -62,18 +62,18 @@ def test_stacks_of_motions_against_scipy(size: float) -> None:
     screws = np.concatenate(
         [size * axes / np.linalg.norm(axes, axis=2)[..., None], 9.0 * RNG.normal(size=(2, 3, 3))], 2
     )
-    found, wanted = RigidMotion.exp(screws), RigidTransform.from_exp_coords(screws.reshape(-1, 6))
-    np.testing.assert_allclose(found.as_matrix().reshape(-1, 4, 4), wanted.as_matrix(), atol=1e-12)
+    motions, wanted = RigidMotion.exp(screws), RigidTransform.from_exp_coords(screws.reshape(-1, 6))
+    np.testing.assert_allclose(motions.as_matrix().reshape(-1, 4, 4), wanted.as_matrix(), atol=1e-12)
     np.testing.assert_allclose(
-        RigidMotion.exp(found.log()).as_matrix(), found.as_matrix(), atol=1e-7 if size > 3 else 1e-12
+        RigidMotion.exp(motions.log()).as_matrix(), motions.as_matrix(), atol=1e-7 if size > 3 else 1e-12
     )
-    np.testing.assert_allclose(found.angle, size, rtol=1e-7)
-    one, other, points = found[0], found[1, ::-1], RNG.normal(size=(3, 3))
-    both = scipy_of(one) * scipy_of(other)
-    np.testing.assert_allclose((one * other).as_matrix(), both.as_matrix(), atol=1e-12)
-    np.testing.assert_allclose((one * other).inv().apply(points), both.inv().apply(points), atol=1e-12)
-    np.testing.assert_allclose((one[0] * other).apply(points)[1], (one[0] * other[1]).apply(points[1]), atol=1e-12)
-    np.testing.assert_array_equal(RigidMotion.stack([one[:2], one[2]]).last(1).as_matrix()[0], one[2].as_matrix())
+    np.testing.assert_allclose(motions.angle, size, rtol=1e-7)
+    a, b, points = motions[0], motions[1, ::-1], RNG.normal(size=(3, 3))
+    both = scipy_of(a) * scipy_of(b)
+    np.testing.assert_allclose((a * b).as_matrix(), both.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose((a * b).inv().apply(points), both.inv().apply(points), atol=1e-12)
+    np.testing.assert_allclose((a[0] * b).apply(points)[1], (a[0] * b[1]).apply(points[1]), atol=1e-12)
+    np.testing.assert_array_equal(RigidMotion.stack([a[:2], a[2]]).last(1).as_matrix()[0], a[2].as_matrix())
 
 
 def test_many_bodies_at_once_are_as_scipy_aligns_each() -> None:
@@ -88,10 +88,10 @@ def test_many_bodies_at_once_are_as_scipy_aligns_each() -> None:
     after[:3] += rng.normal(size=(3, 7, 3))
     after[2] *= [-1.0, 1.0, 1.0]
     weights[5, 4:] = 0.0
-    found = fit_rigid(before, after, weights)
-    for number, (body, there, weight) in enumerate(zip(before, after, weights, strict=True)):
-        own, goal = body[weight > 0.0], there[weight > 0.0]
+    motions = fit_rigid(before, after, weights)
+    for number, (body, target, weight) in enumerate(zip(before, after, weights, strict=True)):
+        own, goal = body[weight > 0.0], target[weight > 0.0]
         a, b = own - own.mean(axis=0), goal - goal.mean(axis=0)
         wanted = Rotation.align_vectors(b[:1], a[:1]) if number == 4 else Rotation.align_vectors(b, a)
-        np.testing.assert_allclose(found[number].rotation, wanted[0].as_matrix(), atol=1e-9)
-        np.testing.assert_allclose(found[number].apply(own.mean(axis=0)), goal.mean(axis=0), atol=1e-9)
+        np.testing.assert_allclose(motions[number].rotation, wanted[0].as_matrix(), atol=1e-9)
+        np.testing.assert_allclose(motions[number].apply(own.mean(axis=0)), goal.mean(axis=0), atol=1e-9)

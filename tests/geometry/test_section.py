@@ -88,8 +88,8 @@ def test_of_several_loops_the_largest_around_the_spine_counts():
 
 def test_bodies_that_touch_along_an_edge_are_refused():
     """Four triangles at one edge: which way the section goes on there is anybody's guess."""
-    one, other = box((10.0, 10.0, 10.0)), box((10.0, 10.0, 10.0), (10.0, 10.0, 0.0))
-    both = joined(one, other)
+    block, other = box((10.0, 10.0, 10.0)), box((10.0, 10.0, 10.0), (10.0, 10.0, 0.0))
+    both = joined(block, other)
     vertices, number = np.unique(both.vertices, axis=0, return_inverse=True)
     with pytest.raises(InputError, match="z = 2 mm"):
         sections(Surface(vertices, number.reshape(-1)[both.faces]), [20.0, 2.0])

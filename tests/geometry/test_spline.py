@@ -19,8 +19,8 @@ def test_agrees_with_scipy(nugget: float, drift: Literal["linear", "constant"]) 
     # SciPy's "linear" kernel is -r with the smoothing added: the same system by another sign
     degree = 1 if drift == "linear" else 0
     reference = RBFInterpolator(SOURCES, TARGETS - SOURCES, kernel="linear", degree=degree, smoothing=nugget)
-    found = fit_spline(SOURCES, TARGETS, nugget, drift=drift)(POINTS)
-    np.testing.assert_allclose(found, POINTS + reference(POINTS), atol=1e-8)
+    placed = fit_spline(SOURCES, TARGETS, nugget, drift=drift)(POINTS)
+    np.testing.assert_allclose(placed, POINTS + reference(POINTS), atol=1e-8)
 
 
 def test_landmarks_that_stay_give_the_identity_to_the_bit() -> None:
@@ -44,9 +44,9 @@ def test_sums_of_many_splines_are_those_of_each() -> None:
     before, after = (np.array([SOURCES, TARGETS]) + sizes * rng.normal(size=(4, 2, *SOURCES.shape))).transpose(
         1, 0, 2, 3
     )
-    found = SplineSums(POINTS, weights, SOURCES).at(before, after)
-    for sums, here, there in zip(found, before, after, strict=True):
-        np.testing.assert_allclose(sums, weights @ fit_spline(here, there).displacement(POINTS), atol=1e-8)
+    sums_of_sets = SplineSums(POINTS, weights, SOURCES).at(before, after)
+    for sums, sources, targets in zip(sums_of_sets, before, after, strict=True):
+        np.testing.assert_allclose(sums, weights @ fit_spline(sources, targets).displacement(POINTS), atol=1e-8)
 
 
 def test_the_response_moves_points_as_the_spline_does() -> None:

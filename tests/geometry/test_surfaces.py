@@ -116,9 +116,9 @@ def with_slivers(surface: Surface, count: int, height: float) -> Surface:
     at = surface.vertices
     points = (0.45 * (1.0 - height)) * at[a] + (0.55 * (1.0 - height)) * at[b] + height * at[c]
     new = np.arange(len(at), len(at) + count)
-    kept = np.delete(surface.faces, split, axis=0)
+    whole = np.delete(surface.faces, split, axis=0)
     faces = np.concatenate(
-        [kept, *(np.stack(corners, axis=1) for corners in ((a, b, new), (b, c, new), (c, a, new)))]
+        [whole, *(np.stack(corners, axis=1) for corners in ((a, b, new), (b, c, new), (c, a, new)))]
     )
     return Surface(np.concatenate([at, points]), faces.astype(np.int32))
 
@@ -182,8 +182,8 @@ def test_grid_is_signed_deep_inside_and_far_outside():
 @pytest.mark.parametrize("missing", [0, 40])
 def test_a_grid_has_the_sign_that_each_node_has_by_itself(missing: int) -> None:
     """Also where surfaces overlap, and through the hole of an open one, where no path separates the sides."""
-    one, other = sphere(30.0, subdivisions=3), sphere(25.0, (28.0, 3.0, 0.0), subdivisions=3)
-    both = joined(Surface(one.vertices, one.faces[missing:]), other)
+    ball, other = sphere(30.0, subdivisions=3), sphere(25.0, (28.0, 3.0, 0.0), subdivisions=3)
+    both = joined(Surface(ball.vertices, ball.faces[missing:]), other)
     grid, distance = grid_of(60.0, 4.0), SurfaceDistance(both)
     field = distance.on_grid(grid, whole(grid), np.ones(grid.shape, dtype=bool), 8.0)
     near = np.abs(field) < 8.0

@@ -64,14 +64,14 @@ def moduli_of_abaqus(path):
 def moduli_of_febio(path):
     """The same of a .feb file."""
     root = ElementTree.parse(path).getroot()
-    material = {one.get("name"): 1e3 * float(not_none(one.findtext("E"))) for one in root.iter("material")}
-    domain = {one.get("name"): one.get("mat") for one in root.iter("SolidDomain")}
+    material = {node.get("name"): 1e3 * float(not_none(node.findtext("E"))) for node in root.iter("material")}
+    domain = {node.get("name"): node.get("mat") for node in root.iter("SolidDomain")}
     return {
-        one.get("name"): (
-            material[domain[one.get("name")]],
-            np.array([int(not_none(row.get("id"))) for row in one.iter("elem")]) - 1,
+        node.get("name"): (
+            material[domain[node.get("name")]],
+            np.array([int(not_none(row.get("id"))) for row in node.iter("elem")]) - 1,
         )
-        for one in root.iter("Elements")
+        for node in root.iter("Elements")
     }
 
 
@@ -79,12 +79,12 @@ def moduli_of_febio(path):
 def test_each_layer_has_its_own_material_for_solvers(ending, read, trunk, motion, tmp_path):
     mesh, path = jointed(trunk), tmp_path / f"a{ending}"
     write_volume(path, mesh, motion, LAYERS, ("skin", "fat", "muscle"))
-    found = np.full(len(mesh.tets), np.nan)
+    moduli = np.full(len(mesh.tets), np.nan)
     for modulus, tets in read(path).values():
-        assert np.isnan(found[tets]).all()
-        found[tets] = modulus
+        assert np.isnan(moduli[tets]).all()
+        moduli[tets] = modulus
     wanted = np.array([layer.youngs_modulus for layer in LAYERS])[mesh.tissue.argmax(axis=1)]
-    np.testing.assert_allclose(found, wanted)
+    np.testing.assert_allclose(moduli, wanted)
     with pytest.raises(InputError, match="the mesh has 3 tissues, not 1"):
         write_volume(path, mesh, motion, TISSUE)
 
@@ -191,17 +191,17 @@ def test_gmsh_reads_groups_of_layers_skin_and_bones(trunk, motion, tmp_path):
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.open(str(tmp_path / "a.msh"))
-        found = {}
+        groups = {}
         for dimension, tag in gmsh.model.getPhysicalGroups():
             entities = gmsh.model.getEntitiesForPhysicalGroup(dimension, tag)
             parts = [gmsh.model.mesh.getElements(dimension, entity)[1] for entity in entities]
-            found[gmsh.model.getPhysicalName(dimension, tag)] = sum(len(tags) for part in parts for tags in part)
+            groups[gmsh.model.getPhysicalName(dimension, tag)] = sum(len(tags) for part in parts for tags in part)
         views = {gmsh.view.option.getString(tag, "Name") for tag in gmsh.view.getTags()}
     finally:
         gmsh.finalize()
     layers = np.bincount(jointed(trunk).tissue.argmax(axis=1))
     expected = {f"tissue_{name}": layers[n] for n, name in enumerate(("skin", "fat", "muscle"))}
-    assert found == expected | {"skin": len(trunk.skin_faces), "bone_T10": len(trunk.bone_faces)}
+    assert groups == expected | {"skin": len(trunk.skin_faces), "bone_T10": len(trunk.bone_faces)}
     assert {"displacement", "bone", "node_kind"} <= views
 
 

@@ -123,7 +123,7 @@ def test_key_depends_on_every_part():
     skin, bone = sphere(10.0), sphere(2.0)
     moved = Surface(skin.vertices + np.array([0.0, 0.0, 1e-12]), skin.faces)
     turned = Surface(skin.vertices, np.roll(skin.faces, 1, axis=0))
-    keys = [cache_key(one, {"a": bone}, "o") for one in (skin, moved, turned)]
+    keys = [cache_key(part, {"a": bone}, "o") for part in (skin, moved, turned)]
     keys += [
         cache_key(skin, bones, "o") for bones in ({"b": bone}, {"a": bone, "b": bone}, {"b": bone, "a": bone})
     ]
@@ -272,10 +272,10 @@ def test_labels_of_a_mesh_are_taken(tmp_path: Path) -> None:
     layers = Layers(mesh=tmp_path / "tissue.vtu")
     np.testing.assert_array_equal(layered(bare, layers, "mesh").tissue, labels)
     finer = slab((12, 12, 8), 5.0)
-    found = not_none(layered(finer, layers, "mesh").tissue)
+    tissue = not_none(layered(finer, layers, "mesh").tissue)
     height = finer.nodes[finer.tets][:, :, 2].mean(axis=1)
-    assert (found[height > 34.0] == 0).all()
-    assert (found[height < 16.0] == 2).all()
+    assert (tissue[height > 34.0] == 0).all()
+    assert (tissue[height < 16.0] == 2).all()
 
 
 def test_meshes_that_cannot_give_labels_are_refused(tmp_path: Path) -> None:

@@ -41,8 +41,8 @@ def test_asked_number_is_met_and_the_space_between_is_filled(asked):
 
 def test_surface_nodes_come_first_and_the_boundary_is_the_input():
     made = tetrahedralize(SKIN, BONE, 8000)
-    given = np.concatenate([SKIN.vertices, BONE.vertices])
-    np.testing.assert_array_equal(made.nodes[: len(given)], given)
+    surfaces = np.concatenate([SKIN.vertices, BONE.vertices])
+    np.testing.assert_array_equal(made.nodes[: len(surfaces)], surfaces)
     sides = np.sort(made.tets[:, [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]].reshape(-1, 3), axis=1)
     faces, count = np.unique(sides, axis=0, return_counts=True)
     expected = np.concatenate([SKIN.faces, BONE.faces + len(SKIN.vertices)])
@@ -52,7 +52,7 @@ def test_surface_nodes_come_first_and_the_boundary_is_the_input():
 @pytest.mark.parametrize(("asked", "runs"), [(1000, 0), (2500, 1)])
 def test_surfaces_that_need_more_than_asked_are_named(asked, runs, monkeypatch):
     ran = []
-    monkeypatch.setattr(tetrahedra, "run_tetgen", lambda **given: ran.append(1) or run_tetgen(**given))
+    monkeypatch.setattr(tetrahedra, "run_tetgen", lambda **arguments: ran.append(1) or run_tetgen(**arguments))
     pattern = rf"^tets: {asked} were asked for, .*1280 triangles.*640.* fewer than \d+; ask for \d+ or more"
     with pytest.raises(InputError, match=pattern):
         tetrahedralize(SKIN, BONE, asked)
@@ -120,8 +120,8 @@ def test_flat_tetrahedra_get_height_and_the_rest_stays():
     moved = improve_quality(nodes, tets, reach)
     assert before < 0.1
     assert mean_ratio(moved[tets]).min() > 0.3
-    others = np.delete(np.arange(len(nodes)), node)
-    np.testing.assert_array_equal(moved[others], nodes[others])
+    rest = np.delete(np.arange(len(nodes)), node)
+    np.testing.assert_array_equal(moved[rest], nodes[rest])
     np.testing.assert_allclose(tet_volumes(moved, tets).sum(), 40.0**3)
 
 
@@ -166,9 +166,9 @@ BODY = sphere(100.0, subdivisions=4)
 
 
 def test_overlapping_spheres_become_one_surface_with_the_volume_of_their_union():
-    one, other = sphere(30.0, subdivisions=4), sphere(30.0, (40.0, 0.0, 0.0), 4)
-    made = bone_surface(BODY, {"a": one, "b": other}, voxel=3.0, edge_length=6.0, tolerance=0.5)
-    crossing = bone_surface(BODY, {"both": joined(one, other)}, voxel=3.0, edge_length=6.0, tolerance=0.5)
+    ball, other = sphere(30.0, subdivisions=4), sphere(30.0, (40.0, 0.0, 0.0), 4)
+    made = bone_surface(BODY, {"a": ball, "b": other}, voxel=3.0, edge_length=6.0, tolerance=0.5)
+    crossing = bone_surface(BODY, {"both": joined(ball, other)}, voxel=3.0, edge_length=6.0, tolerance=0.5)
     assert enclosed_volume(crossing.surface) == pytest.approx(enclosed_volume(made.surface), rel=5e-3)
     check_solid(made.surface, "bones")
     assert components(made.surface).max() == 0

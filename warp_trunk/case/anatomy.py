@@ -26,7 +26,7 @@ _RIB = re.compile(r"rib_(left|right)_(0[1-9]|1[0-2])")
 _CARTILAGE = re.compile(r"costal_cartilage_(left|right)_(\d\d)")
 _TRUNK = re.compile(r"[TL]\d+|rib_(left|right)_\d\d|sternum|sacrum|hip_(left|right)")
 _GIRDLE = re.compile(r"(scapula|clavicle)_(left|right)|costal_cartilage_(left|right)_\d\d")
-_OTHERS = re.compile(r"C\d+|coccyx|(femur|humerus)_(left|right)")
+_OTHER_BONES = re.compile(r"C\d+|coccyx|(femur|humerus)_(left|right)")
 
 
 class Rib(NamedTuple):
@@ -112,7 +112,7 @@ def of_trunk(bone: str, girdle: bool = False) -> bool:
 
 def is_known(bone: str) -> bool:
     """Whether a name is one of a bone."""
-    return of_trunk(bone, girdle=True) or _OTHERS.fullmatch(bone) is not None
+    return of_trunk(bone, girdle=True) or _OTHER_BONES.fullmatch(bone) is not None
 
 
 _LEVELS = {"C": 7, "T": 13, "L": 6}

@@ -40,8 +40,8 @@ def anatomy_doubts(case: Case) -> list[str]:
     """
     if not case.has_spine or sum(name in case.bones for name in THORACIC) < _FEWEST:
         return []
-    found = [*_missing(case), *_rib_order(case), *_iliac_spines(case), *_off_features(case), *_outside(case)]
-    return [f"Anatomy: {doubt}." for doubt in found]
+    doubts = [*_missing(case), *_rib_order(case), *_iliac_spines(case), *_off_features(case), *_outside(case)]
+    return [f"Anatomy: {doubt}." for doubt in doubts]
 
 
 def _missing(case: Case) -> list[str]:
@@ -118,7 +118,7 @@ def _off_features(case: Case) -> list[str]:
     allowed, doubts = _OFF_FEATURE + _OFF_BY_ERROR * case.uncertainty.landmark_sd, []
     for row, level in enumerate(levels):
         pairs = [(row - n, row + n) for n in (1, 2) if row - n >= 0 and row + n < len(levels)]
-        expected = [0.5 * (places[one] + places[other]) for one, other in pairs]
+        expected = [0.5 * (places[first] + places[other]) for first, other in pairs]
         near = places[max(row - 2, 0) : row + 3]  # at an end of the spine
         off = places[row] - (np.mean(expected, axis=0) if pairs else np.median(near, axis=0))
         away = np.linalg.norm(off, axis=1)

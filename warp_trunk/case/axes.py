@@ -87,10 +87,10 @@ def misplaced(bones: Mapping[str, Surface]) -> dict[int, str]:
         By axis, a sentence without its end that says so. A single pair that is exchanged says nothing of axes.
     """
     middle = {name: bone.vertices.mean(axis=0) for name, bone in bones.items()}
-    found = {}
+    misplacements = {}
     wrong, pairs = exchanged_pairs(middle)
     if wrong and len(wrong) == len(pairs):
-        found[0] = (
+        misplacements[0] = (
             f"left and right are exchanged in all {len(pairs)} pairs of bones"
             if len(pairs) > 1
             else (f"{wrong[0]} lies right of {pairs[wrong[0]]}")
@@ -108,11 +108,11 @@ def misplaced(bones: Mapping[str, Surface]) -> dict[int, str]:
     ):
         if front and behind:
             if np.mean(front, axis=0)[1] - np.mean(behind, axis=0)[1] > _BEHIND:
-                found[1] = text
+                misplacements[1] = text
             break
     if len(spine) > 1 and middle[spine[0]][2] < middle[spine[-1]][2]:
-        found[2] = f"{spine[0]} lies below {spine[-1]}"
-    return found
+        misplacements[2] = f"{spine[0]} lies below {spine[-1]}"
+    return misplacements
 
 
 def exchanged_pairs(

@@ -133,10 +133,10 @@ class Case:
     @cached_property
     def given_motions(self) -> dict[str, RigidMotion]:
         """The rigid motions of the bones that are known after surgery or whose motion is given."""
-        known = {
+        rigid = {
             bone: fit_rigid(self.bones[bone].vertices, after.vertices) for bone, after in self.bones_after.items()
         }
-        return known | rigid_motions(self.motions)
+        return rigid | rigid_motions(self.motions)
 
     def landmarks_at(self, load_factor: float) -> Landmarks:
         """The landmarks at a load factor in [0, 1]; each moves along a line. InputError without a plan."""

@@ -140,15 +140,15 @@ def _instead(folder: Path) -> str:
     """The cure for a folder that is no case."""
     if other := other_kind(folder, "case"):
         return f"; {other}"
-    there = {"skin.ply": surface_files(folder, "skin"), "bones": (folder / "bones").is_dir()}
-    missing = " and no ".join(f"{name}{_called_nearly(folder / name)}" for name, ok in there.items() if not ok)
+    present = {"skin.ply": surface_files(folder, "skin"), "bones": (folder / "bones").is_dir()}
+    missing = " and no ".join(f"{name}{_called_nearly(folder / name)}" for name, ok in present.items() if not ok)
     return f", as it has no {missing}; add what is missing, in mm and LPS or with case.toml"
 
 
 def _called_nearly(path: Path) -> str:
     """A question for what is called nearly so in the folder of a path, and is no other file of a case."""
-    others = [one.name for one in path.parent.iterdir() if not one.name.startswith((*_STEMS, "."))]
-    return closest_name(path.name, others)
+    unrelated = [file.name for file in path.parent.iterdir() if not file.name.startswith((*_STEMS, "."))]
+    return closest_name(path.name, unrelated)
 
 
 _STEMS = ("landmarks_before.", "landmarks_after.", "landmarks_bending_", "actual_skin.", "skin.", "bones_")
@@ -179,7 +179,7 @@ class _Files:
         self.notes += [] if note is None else [note]
         return surface
 
-    def there(self, key: str, path: Path) -> bool:
+    def is_present(self, key: str, path: Path) -> bool:
         """Whether a file is there, also as a link, and lies in the folder."""
         self.names[key] = path
         if not (path.exists() or path.is_symlink()):
@@ -189,32 +189,34 @@ class _Files:
 
     def landmarks(self, key: str) -> Landmarks | None:
         path, header = landmark_file(self.folder, key), self.header
-        if not self.there(key, path):
+        if not self.is_present(key, path):
             return None
         return read_landmarks(path, header.frame, header.units, header.landmark_columns)
 
-    def motions(self, given: Path | None) -> dict[str, Motion]:
-        path = given or self.folder / MOTIONS
+    def motions(self, stated: Path | None) -> dict[str, Motion]:
+        path = stated or self.folder / MOTIONS
         self.names["motions"] = path
-        if given is None and not self.there("motions", path):
+        if stated is None and not self.is_present("motions", path):
             return {}
-        found = read_motions(path, self.header.frame, None if given else self.folder)
-        if not found:
+        motions = read_motions(path, self.header.frame, None if stated else self.folder)
+        if not motions:
             raise InputError(f"{path}: names no bone; add a table for each bone that moves, or remove the file")
-        return found
+        return motions
 
     def plan(self) -> str | None:
         path = self.folder / PLAN
-        return read_text(path, "the plan of a case", MOST_PLAN) if self.there("plan", path) else None
+        return read_text(path, "the plan of a case", MOST_PLAN) if self.is_present("plan", path) else None
 
     def followed(self) -> Points:
         path = self.folder / POINTS
-        return read_points(path, self.header.frame, self.header.units) if self.there("points", path) else Points()
+        if not self.is_present("points", path):
+            return Points()
+        return read_points(path, self.header.frame, self.header.units)
 
     def skin(self) -> Path:
-        found = surface_files(self.folder, "skin").get("skin")
-        if found is None:
+        file = surface_files(self.folder, "skin").get("skin")
+        if file is None:
             path = self.folder / "skin.ply"
             what = "is a folder" if path.is_dir() else "there is no such file, nor one in another surface format"
             raise MissingFileError(f"{path}: {what}{_called_nearly(path)}; add it")
-        return found
+        return file

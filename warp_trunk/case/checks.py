@@ -140,8 +140,8 @@ def _check_bending(case: Case, source: CaseSource) -> None:
 
 def check_names(before: Landmarks, after: Landmarks, source: CaseSource) -> None:
     """Check that both sets of landmarks have the same names, in any order."""
-    for one, other, key in ((before, after, "landmarks_after"), (after, before, "landmarks_before")):
-        if missing := [name for name in one.names if name not in other.names]:
+    for marks, other, key in ((before, after, "landmarks_after"), (after, before, "landmarks_before")):
+        if missing := [name for name in marks.names if name not in other.names]:
             text = f"'{missing[0]}' is missing, {len(missing)} in all; both landmark files need the same names"
             raise InputError(f"{source.name(key)}: {text}")
 

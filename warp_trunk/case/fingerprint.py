@@ -21,33 +21,33 @@ Fingerprint = dict[str, Any]
 
 def anatomy_of(case: Case) -> Fingerprint:
     """The inputs on which mesh and model depend: skin, bones and tissue before surgery."""
-    found = {"skin": surface_digest(case.skin), **dataclasses.asdict(case.tissue)}
-    found |= {f"bone {name}": surface_digest(surface) for name, surface in case.bones.items()}
+    inputs = {"skin": surface_digest(case.skin), **dataclasses.asdict(case.tissue)}
+    inputs |= {f"bone {name}": surface_digest(surface) for name, surface in case.bones.items()}
     if case.layers is not None:
-        given = case.layers
-        constants = json.dumps({name: dict(values) for name, values in given.constants.items()}, sort_keys=True)
-        labels = b"" if given.mesh is None else given.mesh.read_bytes()
-        skin, fat = (np.asarray(one, dtype=np.float64) for one in (given.skin_thickness, given.fat_thickness))
-        found["layers of the case"] = digest(skin, fat, constants, labels)
-    return found
+        layers = case.layers
+        constants = json.dumps({name: dict(values) for name, values in layers.constants.items()}, sort_keys=True)
+        labels = b"" if layers.mesh is None else layers.mesh.read_bytes()
+        skin, fat = (np.asarray(part, dtype=np.float64) for part in (layers.skin_thickness, layers.fat_thickness))
+        inputs["layers of the case"] = digest(skin, fat, constants, labels)
+    return inputs
 
 
 def fingerprint_of(case: Case) -> Fingerprint:
     """Everything of a case on which its result depends, what is known after surgery included."""
-    found = anatomy_of(case)
-    found |= {f"bone after {name}": surface_digest(surface) for name, surface in case.bones_after.items()}
+    inputs = anatomy_of(case)
+    inputs |= {f"bone after {name}": surface_digest(surface) for name, surface in case.bones_after.items()}
     marks = {"landmarks_before": case.landmarks_before, "landmarks_after": case.planned_landmarks,
              "bending_left": case.bending_left, "bending_right": case.bending_right,
              "points": case.points.marks}  # fmt: skip
-    found |= {name: one and digest("\n".join(one.names), one.points) for name, one in marks.items()}
-    found |= {"case": case.name, "motions": motions_text(case.motions), "pairs of points": case.points.pairs}
-    found |= {name: getattr(case, name) for name in ("plan", "posture", "notes")}
-    found["actual_skin"] = None if case.actual_skin is None else surface_digest(case.actual_skin)
-    found["unseen"] = None if case.unseen is None else digest(case.unseen)
+    inputs |= {name: points and digest("\n".join(points.names), points.points) for name, points in marks.items()}
+    inputs |= {"case": case.name, "motions": motions_text(case.motions), "pairs of points": case.points.pairs}
+    inputs |= {name: getattr(case, name) for name in ("plan", "posture", "notes")}
+    inputs["actual_skin"] = None if case.actual_skin is None else surface_digest(case.actual_skin)
+    inputs["unseen"] = None if case.unseen is None else digest(case.unseen)
     for name in ("rib_coupling", "study", "uncertainty", "invented"):
         record = getattr(case, name)
-        found[name] = record and dataclasses.asdict(record)
-    return json.loads(json.dumps(found))  # as it comes back from a file
+        inputs[name] = record and dataclasses.asdict(record)
+    return json.loads(json.dumps(inputs))  # as it comes back from a file
 
 
 def difference(then: Fingerprint, now: Fingerprint) -> str:

@@ -45,7 +45,7 @@ def other_kind(folder: Path, wanted: Literal["case", "cases", "result"]) -> str:
         return f"it is a case; simulate it first (warp-trunk simulate {folder}), and give its result"
     inner = [path for path in sorted(folder.iterdir()) if path.is_dir()] if folder.is_dir() else []
     cases, results = (
-        [path for path in inner if there(path)] for there in (is_case, lambda path: (path / SUMMARY).is_file())
+        [path for path in inner if is_kind(path)] for is_kind in (is_case, lambda path: (path / SUMMARY).is_file())
     )
     if cases and wanted == "result":
         return f"it holds cases, such as {cases[0]}; simulate one, or all of them with warp-trunk cohort"

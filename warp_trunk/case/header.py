@@ -56,8 +56,8 @@ class CaseHeader:
         """Raises InputError for axes that are none, and for a column that is named twice or not at all."""
         _ = self.frame
         if len({*self.landmark_columns, ""}) != 5:
-            given = list(self.landmark_columns)
-            raise InputError(f"'landmark_columns' must be four different names, not {given}; correct it")
+            columns = list(self.landmark_columns)
+            raise InputError(f"'landmark_columns' must be four different names, not {columns}; correct it")
 
     @cached_property
     def frame(self) -> Axes:
@@ -94,7 +94,7 @@ def read_header(path: Path) -> CaseHeader:
 def header_text(header: CaseHeader) -> str:
     """The text of case.toml, which `read_header` reads back to the last bit; tables but [tissue] as they differ
     from their defaults."""
-    record: dict[str, Any] = {one.name: getattr(header, one.name) for one in dataclasses.fields(header)}
+    record: dict[str, Any] = {field.name: getattr(header, field.name) for field in dataclasses.fields(header)}
     record |= {name: _changed(record[name]) for name in ("ribs", "uncertainty", "study")}
     for name in ("tissue", "invented"):
         record[name] = None if record[name] is None else dataclasses.asdict(record[name])

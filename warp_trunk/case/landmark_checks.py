@@ -179,17 +179,17 @@ def check_shapes(before: Landmarks, after: Landmarks, where: str) -> list[str]:
             vertebrae of another patient.
     """
     levels = before.vertebrae()
-    here, there = (_six_points(marks, levels) for marks in (before, after))
-    missed = fit_rigid(here, there)[:, None].apply(here) - there
+    points_before, points_after = (_six_points(marks, levels) for marks in (before, after))
+    missed = fit_rigid(points_before, points_after)[:, None].apply(points_before) - points_after
     misfits = np.sqrt(np.square(missed).sum(axis=2).mean(axis=1))
-    warnings = _check_patient(here, there, misfits, where)
+    warnings = _check_patient(points_before, points_after, misfits, where)
     for i, level in enumerate(levels):
         usual = float(np.median(np.delete(misfits, i)))
         refused = float(np.clip(REFUSED * usual, *REFUSED_RANGE))
         warned = float(np.clip(WARNED * usual, *WARNED_RANGE))
         if 6.0 * misfits[i] <= warned:  # a landmark is off by 3 to 4 times the misfit it causes
             continue
-        point, off = _worst(here[i], there[i])
+        point, off = _worst(points_before[i], points_after[i])
         name, errors = f"'{level}_{VERTEBRA_POINTS[point]}'", "errors of landmarks"
         text = f"{where}: {name} is {off:.1f} mm from its position by the other five landmarks of {level}"
         if off > refused:
@@ -205,12 +205,12 @@ def _six_points(landmarks: Landmarks, levels: Sequence[str]) -> np.ndarray:
     return np.array([[landmarks.point(f"{level}_{name}") for name in VERTEBRA_POINTS] for level in levels])
 
 
-def _check_patient(here: np.ndarray, there: np.ndarray, misfits: np.ndarray, where: str) -> list[str]:
+def _check_patient(before: np.ndarray, after: np.ndarray, misfits: np.ndarray, where: str) -> list[str]:
     """Check that all vertebrae together (levels, 6, 3) are of one size and shape before and after."""
-    if len(here) < _ENOUGH:
+    if len(before) < _ENOUGH:
         return []
     usual = float(np.median(misfits))
-    sizes = [np.linalg.norm(six - six.mean(axis=1, keepdims=True), axis=(1, 2)).sum() for six in (here, there)]
+    sizes = [np.linalg.norm(six - six.mean(axis=1, keepdims=True), axis=(1, 2)).sum() for six in (before, after)]
     growth = float(sizes[1] / sizes[0] - 1.0)
     larger = f"{100 * growth:+z.1f} % larger than before"
     if abs(growth) > SIZE_REFUSED or usual > MISFIT:
@@ -223,13 +223,13 @@ def _check_patient(here: np.ndarray, there: np.ndarray, misfits: np.ndarray, whe
 
 def _worst(before: np.ndarray, after: np.ndarray) -> tuple[int, float]:
     """The landmark without which the others fit best, and its distance from its position by them [mm]."""
-    found = []
+    misfits = []
     for k in range(len(before)):
-        others = np.arange(len(before)) != k
-        moved = fit_rigid(before[others], after[others]).apply(before)
+        rest = np.arange(len(before)) != k
+        moved = fit_rigid(before[rest], after[rest]).apply(before)
         off = np.linalg.norm(moved - after, axis=1)
-        found.append((float(np.sum(off[others] ** 2)), k, float(off[k])))
-    _, point, off = min(found)
+        misfits.append((float(np.sum(off[rest] ** 2)), k, float(off[k])))
+    _, point, off = min(misfits)
     return point, off
 
 
@@ -253,7 +253,7 @@ def check_frame(before: Landmarks, after: Landmarks, where: str) -> list[str]:
         InputError: one moves by more than `MOVED_REFUSED`, or their distance changes by more.
     """
     spines = [np.array([marks.point(name) for name in ASIS]) for marks in (before, after)]
-    apart = [float(np.linalg.norm(one - other)) for one, other in spines]
+    apart = [float(np.linalg.norm(point - other)) for point, other in spines]
     most = f"{MOVED_REFUSED:g} mm is the most that errors explain"
     if abs(apart[1] - apart[0]) > MOVED_REFUSED:
         width = f"are {apart[1]:.0f} mm apart, but {apart[0]:.0f} mm before surgery, and {most}"

@@ -63,8 +63,8 @@ class Landmarks:
     def index(self, name: str) -> int:
         """The row of a landmark; InputError with the nearest name where there is none of that name."""
         if name not in self.names:
-            there = f"there is no '{name}' among the {len(self.names)} landmarks"
-            raise InputError(f"landmarks: {there}{closest_name(name, self.names)}")
+            problem = f"there is no '{name}' among the {len(self.names)} landmarks"
+            raise InputError(f"landmarks: {problem}{closest_name(name, self.names)}")
         return self.names.index(name)
 
     def point(self, name: str) -> np.ndarray:
@@ -190,16 +190,16 @@ def read_table(path: Path, columns: tuple[str, ...]) -> list[dict[str, str]]:
             f"{path}: the first line must name the columns {','.join(columns)} once each, not "
             f"'{','.join(header)[:80]}'; correct it, or name the columns in case.toml as landmark_columns"
         )
-    found = []
+    table = []
     for line, row in enumerate(rows, start=2):
         if not any(row):
             continue
         if len(row) != len(header):
-            given = ",".join(row)[:80]
-            raise InputError(f"{path}, line {line}: a landmark is {','.join(header)}, not '{given}'; correct it")
+            entry = ",".join(row)[:80]
+            raise InputError(f"{path}, line {line}: a landmark is {','.join(header)}, not '{entry}'; correct it")
         fields = row if split == "," else [field.replace(",", ".") for field in row]
-        found.append({**dict(zip(header, fields, strict=True)), "place": f"{path}, line {line}"})
-    return found
+        table.append({**dict(zip(header, fields, strict=True)), "place": f"{path}, line {line}"})
+    return table
 
 
 def _csv_rows(path: Path, lines: Iterable[str], comma: str = ",") -> list[list[str]]:
@@ -221,15 +221,15 @@ def _named(
         if name in points:
             raise InputError(f"{where}: '{name}' is the name of a point above; give each landmark once")
         points[name] = []
-        for axis, given in zip(axes, coordinates, strict=True):
+        for axis, coordinate in zip(axes, coordinates, strict=True):
             try:
-                value = number(given) if isinstance(given, str) else given
+                value = number(coordinate) if isinstance(coordinate, str) else coordinate
             except ValueError:
                 value = np.nan
             if not abs(value) <= FARTHEST:  # nor is NaN
                 raise InputError(
                     f"{where}: {axis} of '{name}' must be a finite number within {FARTHEST:g}, not "
-                    f"'{str(given)[:40]}'; correct it or leave the point out"
+                    f"'{str(coordinate)[:40]}'; correct it or leave the point out"
                 )
             points[name].append(value)
     if not points:
@@ -269,21 +269,21 @@ def _read_markups(path: Path) -> Landmarks:
     return _of_slicer(path, rows, axes, units)
 
 
-def _units_of(given: str | list[str]) -> list[str]:
+def _units_of(unit: str | list[str]) -> list[str]:
     """A unit, the units of the axes, or the first of a code, its scheme and its meaning."""
-    if isinstance(given, str):
-        return [given]
-    return given[:1] if "UCUM" in given else given
+    if isinstance(unit, str):
+        return [unit]
+    return unit[:1] if "UCUM" in unit else unit
 
 
 def _read_fcsv(path: Path) -> Landmarks:
     """The points of a .fcsv file."""
     lines = read_text(path, _EXPECTED).split("\n")
     header = [line[1:].partition("=") for line in lines if line.startswith("#")]
-    given = {key.strip(): value.strip() for key, _, value in header}
-    if "CoordinateSystem" not in given:
+    settings = {key.strip(): value.strip() for key, _, value in header}
+    if "CoordinateSystem" not in settings:
         raise InputError(f"{path}: does not say '# CoordinateSystem = LPS' or RAS; {_CURE}")
-    columns = given.get("columns", _SLICER_COLUMNS).replace(" ", "").split(",")
+    columns = settings.get("columns", _SLICER_COLUMNS).replace(" ", "").split(",")
     if not {"x", "y", "z", "label"} <= set(columns):
         raise InputError(f"{path}: '# columns' must name x, y, z and label, not {','.join(columns)[:80]}; {_CURE}")
     places = [columns.index(column) for column in ("label", "x", "y", "z")]
@@ -291,7 +291,7 @@ def _read_fcsv(path: Path) -> Landmarks:
     for row in rows:
         if len(row) <= max(places):
             raise InputError(f"{path}: a point is {','.join(columns)[:80]}, not '{','.join(row)[:80]}'; {_CURE}")
-    return _of_slicer(path, [[row[place] for place in places] for row in rows], given["CoordinateSystem"], "mm")
+    return _of_slicer(path, [[row[place] for place in places] for row in rows], settings["CoordinateSystem"], "mm")
 
 
 def _of_slicer(path: Path, rows: Sequence[Sequence[str | float]], axes: str, units: str) -> Landmarks:
@@ -314,7 +314,7 @@ def landmark_file(folder: Path, stem: str) -> Path:
     Raises:
         InputError: there is more than one.
     """
-    found = [folder / (stem + ending) for ending in ENDINGS if (folder / (stem + ending)).is_file()]
-    if len(found) > 1:
-        raise InputError(f"{found[1]}: there is {found[0].name} beside it; give '{stem}' in one file")
-    return found[0] if found else folder / f"{stem}.csv"
+    files = [folder / (stem + ending) for ending in ENDINGS if (folder / (stem + ending)).is_file()]
+    if len(files) > 1:
+        raise InputError(f"{files[1]}: there is {files[0].name} beside it; give '{stem}' in one file")
+    return files[0] if files else folder / f"{stem}.csv"

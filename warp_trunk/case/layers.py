@@ -108,7 +108,7 @@ def check_constants(constants: Mapping[str, float], table: str) -> None:
     for name in constants:
         if name not in TISSUE_LIMITS:
             hint = closest_name(name, TISSUE_LIMITS).replace("mean '", f"mean '{table}.")
-            keys = ", ".join(f"{table}.{one}" for one in TISSUE_LIMITS)
+            keys = ", ".join(f"{table}.{constant}" for constant in TISSUE_LIMITS)
             raise InputError(f"unknown key '{table}.{name}'{hint}; the keys are {keys}")
     try:
         Tissue(**constants)
@@ -187,17 +187,17 @@ def read_layers(folder: Path, table: LayerTable, millimetres: float, vertices: i
 
 def write_layers(folder: Path, layers: Layers) -> LayerTable:
     """Writes the files of the layers into a case folder; the table names them. Lengths are in mm."""
-    given: dict[str, Any] = {name: dict(constants) for name, constants in layers.constants.items()}
+    table: dict[str, Any] = {name: dict(constants) for name, constants in layers.constants.items()}
     for name in THICKNESS:
-        given[name] = getattr(layers, name)
-        if isinstance(given[name], np.ndarray):
-            write_whole(folder / f"{name}.txt", "".join(f"{number!r}\n" for number in given[name].tolist()))
-            given[name] = f"{name}.txt"
+        table[name] = getattr(layers, name)
+        if isinstance(table[name], np.ndarray):
+            write_whole(folder / f"{name}.txt", "".join(f"{number!r}\n" for number in table[name].tolist()))
+            table[name] = f"{name}.txt"
     if layers.mesh is not None:
-        given["mesh"] = layers.mesh.name
+        table["mesh"] = layers.mesh.name
         if layers.mesh.parent.resolve() != folder.resolve():
             write_whole(folder / layers.mesh.name, layers.mesh.read_bytes())
-    return LayerTable(**given)
+    return LayerTable(**table)
 
 
 def read_numbers(path: Path, count: int) -> np.ndarray:

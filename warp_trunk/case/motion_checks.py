@@ -56,14 +56,14 @@ def _check_one(case: Case, bone: str, motion: Motion, where: str) -> None:
             hint = closest_name(name, case.bones) or f"; the first are {', '.join(sorted(case.bones)[:8])}"
             raise InputError(f"{where}: there is no bone '{name}' among the {len(case.bones)} bones{hint}")
     marked = {bone_of(name, case.bones) for name in case.landmarks_before.names} if case.landmarks_after else {}
-    for known, what in ((case.bones_after, f"bones_after/{bone}"), (marked, "landmarks after surgery")):
-        if bone in known:
+    for moved, what in ((case.bones_after, f"bones_after/{bone}"), (marked, "landmarks after surgery")):
+        if bone in moved:
             raise InputError(f"{where}: the bone is also given by {what}; remove one of them")
-    given = [key for key in ("rotation", "transform", "follows") if getattr(motion, key) is not None]
-    given += ["translation"] if any(motion.translation) else []
-    if not given or (len(given) > 1 and set(given) != {"rotation", "translation"}):
+    keys = [key for key in ("rotation", "transform", "follows") if getattr(motion, key) is not None]
+    keys += ["translation"] if any(motion.translation) else []
+    if not keys or (len(keys) > 1 and set(keys) != {"rotation", "translation"}):
         cure = "give a rotation, a translation or both, or a transform, or the bones that it follows"
-        raise InputError(f"{where}: gives {' and '.join(given) or 'no motion'}; {cure}")
+        raise InputError(f"{where}: gives {' and '.join(keys) or 'no motion'}; {cure}")
     numbers = [*motion.translation, *((turn.degrees, *turn.axis, *turn.point) if turn else ())]
     if not all(map(math.isfinite, numbers)) or (turn is not None and not any(turn.axis)):
         raise InputError(f"{where}: numbers must be finite and an axis not zero, not {numbers}; correct them")
@@ -109,8 +109,8 @@ def check_passing(case: Case, motions: Mapping[str, RigidMotion], where: str) ->
     for other, surface in case.bones.items():
         distance = SurfaceDistance(surface)
         for bone in moving:
-            if other != bone and (found := _passed(case, motions, bone, distance, other)):
-                deep, part, at = found
+            if other != bone and (passing := _passed(case, motions, bone, distance, other)):
+                deep, part, at = passing
                 place = ", ".join(f"{x:.0f}" for x in at)
                 raise InputError(
                     f"{where}: '{bone}' passes {deep:.1f} mm into '{other}' at ({place}) mm after "
@@ -131,13 +131,13 @@ def _passed(
     if not len(near):
         return None
     for part in np.linspace(0.0, 1.0, math.ceil(way / _STEP) + 1)[1:]:
-        there = motions[bone].part(part).apply(near)
+        moved = motions[bone].part(part).apply(near)
         back = motions[other].part(part).inv()
-        here = back.apply(there)
-        inside = np.flatnonzero(((here > distance.lower) & (here < distance.upper)).all(axis=1))
-        deep = -distance.at(here[inside]) if len(inside) else np.zeros(1)
+        in_place = back.apply(moved)
+        inside = np.flatnonzero(((in_place > distance.lower) & (in_place < distance.upper)).all(axis=1))
+        deep = -distance.at(in_place[inside]) if len(inside) else np.zeros(1)
         worst = int(deep.argmax())
         if deep[worst] > _DEEP:
             apart = distance.at(near).min() >= _TOUCHING
-            return (float(deep[worst]), part, there[inside[worst]]) if apart else None
+            return (float(deep[worst]), part, moved[inside[worst]]) if apart else None
     return None

@@ -144,22 +144,22 @@ def rigid_motions(motions: Mapping[str, Motion], still: Iterable[str] = ()) -> d
         motions: those that `check_motions` accepts.
         still: bones that stay in place.
     """
-    found: dict[str, RigidMotion] = dict.fromkeys(still, RigidMotion.identity())
+    rigid: dict[str, RigidMotion] = dict.fromkeys(still, RigidMotion.identity())
 
     def motion_of(bone: str) -> RigidMotion:
         if bone not in motions:
             return RigidMotion.identity()
-        given = motions[bone]
-        if given.transform is not None:
-            return RigidMotion.from_matrix(np.array(given.transform))
-        if given.follows is not None:
-            screws = [share * motion_of(other).log() for other, share in given.follows.items()]
+        motion = motions[bone]
+        if motion.transform is not None:
+            return RigidMotion.from_matrix(np.array(motion.transform))
+        if motion.follows is not None:
+            screws = [share * motion_of(other).log() for other, share in motion.follows.items()]
             return RigidMotion.exp(np.sum(screws, axis=0))
-        shift = np.array(given.translation)
-        if (turn := given.rotation) is None:
+        shift = np.array(motion.translation)
+        if (turn := motion.rotation) is None:
             return RigidMotion(np.eye(3), shift)
         axis, point = np.array(turn.axis), np.array(turn.point)
         about = np.append(np.radians(turn.degrees) * axis / np.linalg.norm(axis), np.zeros(3))
         return RigidMotion.about(RigidMotion.exp(about).rotation, point, point + shift)
 
-    return found | {bone: motion_of(bone) for bone in motions}
+    return rigid | {bone: motion_of(bone) for bone in motions}

@@ -43,8 +43,8 @@ def arm_warnings(skin: Surface, landmarks: Landmarks, where: str) -> list[str]:
             touching.append(level)
     if not beside and not touching:
         return []
-    found = {"lie beside the trunk at": beside, "touch it at": touching}
-    text = " and ".join(f"{what} {', '.join(at)}" for what, at in found.items() if at)
+    levels_of = {"lie beside the trunk at": beside, "touch it at": touching}
+    text = " and ".join(f"{what} {', '.join(at)}" for what, at in levels_of.items() if at)
     return [
         f"{where}: arms {text}; measures take the trunk's own part there; cut "
         "the arms off with warp-trunk close --cut, as skin that touches is no flank."
@@ -116,12 +116,12 @@ def _bones(case: Case) -> list[np.ndarray]:
     before, after = case.landmarks_before, case.landmarks_after
     points = {name: bone.vertices[:: -(-len(bone.vertices) // _POINTS)] for name, bone in case.bones.items()}
     points = points or {name: point[None] for name, point in zip(before.names, before.points, strict=True)}
-    found = [np.concatenate(list(points.values()))]
+    points_of = [np.concatenate(list(points.values()))]
     if after is not None:
         way = dict(zip(before.vertebrae(), after.middles() - before.middles(), strict=True))
         level_of = {name: rib.vertebra if (rib := rib_of(name)) else name.partition("_")[0] for name in points}
-        found.append(np.concatenate([every + way.get(level_of[name], 0.0) for name, every in points.items()]))
-    return found
+        points_of.append(np.concatenate([every + way.get(level_of[name], 0.0) for name, every in points.items()]))
+    return points_of
 
 
 def _middle(skin: Surface, low: float, high: float) -> np.ndarray:

@@ -64,8 +64,8 @@ def with_constants(case: Case, constants: Mapping[str, float]) -> Case:
     layers = case.layers
     if tables:
         layers = layers or Layers()
-        given = {name: {**layers.constants.get(name, {}), **tables.get(name, {})} for name in NAMES}
-        layers = dataclasses.replace(layers, constants={name: values for name, values in given.items() if values})
+        own = {name: {**layers.constants.get(name, {}), **tables.get(name, {})} for name in NAMES}
+        layers = dataclasses.replace(layers, constants={name: values for name, values in own.items() if values})
         layers.tissues(tissue)  # checks the values
     return dataclasses.replace(case, tissue=tissue, rib_coupling=shares, layers=layers)
 
@@ -105,7 +105,7 @@ def read_tissue_file(path: Path) -> dict[str, float]:
     of_layers = file.layers.constants
     return (
         file.tissue
-        | {f"{layer}.{name}": value for layer, given in of_layers.items() for name, value in given.items()}
+        | {f"{layer}.{name}": value for layer, constants in of_layers.items() for name, value in constants.items()}
         | {f"{RIBS}.{name}": getattr(file.ribs, name) for name in table.get(RIBS, ())}
     )
 

@@ -80,8 +80,8 @@ class Uncertainty:
     def landmark_source(self) -> str:
         """Where the error of the landmarks comes from."""
         stated = (self.landmark_error, self.landmark_error_sd)
-        known = {_FILMS: REFERENCES["landmark_error"], ON_BONES: REFERENCES["landmarks on bones"]}
-        return known.get(stated, "as stated for this case")
+        named_sources = {_FILMS: REFERENCES["landmark_error"], ON_BONES: REFERENCES["landmarks on bones"]}
+        return named_sources.get(stated, "as stated for this case")
 
 
 _FILMS = (Uncertainty.landmark_error, Uncertainty.landmark_error_sd)
@@ -193,4 +193,4 @@ def write_invented_skin(folder: Path, unseen: np.ndarray | None) -> None:
     if unseen is None:
         (folder / INVENTED_SKIN).unlink(missing_ok=True)
     else:
-        write_whole(folder / INVENTED_SKIN, "".join(f"{int(one)}\n" for one in unseen))
+        write_whole(folder / INVENTED_SKIN, "".join(f"{int(share)}\n" for share in unseen))

@@ -79,7 +79,7 @@ class Import:
             with progress.stage("write", f"writing {self.out}"):
                 write_case(self.out, made.case)
                 _write_landmarks(self.out, made)
-        said, doubts = _report(made, source.left_over, source.empty)
+        said, doubts = _report(made, source.ignored, source.empty)
         print("\n".join(said))
         example = ("--uiv", "T4", "--liv", "L1", "--curve", "T8,correction=0.65")
         plan = next_command("plan", self.out, "--out", "planned", *example)
@@ -88,7 +88,7 @@ class Import:
             doubts += [f"warning: {warning}" for warning in more]
             print(f"Case '{made.case.name}' of {len(made.case.bones)} bones written to {self.out}")
             print(f"Look at {self.out / PICTURE}, then plan: {plan}")
-            status = INCOMPLETE if made.found.unsure else OK
+            status = INCOMPLETE if made.landmarks.unsure else OK
         except InputError as error:
             doubts.append(f"{self.out}: not yet a case that surgery can be planned on: {error}")
             status = INCOMPLETE
@@ -99,17 +99,17 @@ class Import:
 
 def _write_landmarks(folder: Path, made: Imported) -> None:
     """Writes how sure each vertebra is, and a picture of the landmarks."""
-    found = made.found.vertebrae
+    found = made.landmarks.vertebrae
     rows = [f"{name},{v.asymmetry:.2f},{v.off_curve:.1f},{v.height:.1f}\n" for name, v in found.items()]
     head = "vertebra,left_right_differ_mm,off_curve_deg,body_height_mm\n"
     write_whole(folder / CONFIDENCE, head + "".join(rows))
     if found:
         from warp_trunk.report.landmark_picture import landmark_picture  # brings matplotlib
 
-        write_whole(folder / PICTURE, landmark_picture(made.case.bones, made.found, made.case.skin))
+        write_whole(folder / PICTURE, landmark_picture(made.case.bones, made.landmarks, made.case.skin))
 
 
-def _report(made: Imported, left_over: Sequence[str], empty: Sequence[str]) -> tuple[list[str], list[str]]:
+def _report(made: Imported, ignored: Sequence[str], empty: Sequence[str]) -> tuple[list[str], list[str]]:
     """Lines on what was made, and lines on what is doubtful or was not found."""
     said = []
     if made.shapes:
@@ -123,8 +123,8 @@ def _report(made: Imported, left_over: Sequence[str], empty: Sequence[str]) -> t
             f"Fat under the skin: {middle:.1f} mm in the median, {low:.1f} to {high:.1f} mm at nine of ten of "
             f"{len(made.fat)} points; simulate takes it for its layers"
         )
-    for what, names in (("Not taken, as they are no bones of the trunk", left_over), ("Without a voxel", empty)):
+    for what, names in (("Not taken, as they are no bones of the trunk", ignored), ("Without a voxel", empty)):
         if names:
             more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
             said.append(f"{what}: {', '.join(names[:MOST_NAMES])}{more}")
-    return said, [*made.notes, *(f"{name}: no landmarks: {why}" for name, why in made.found.unsure.items())]
+    return said, [*made.notes, *(f"{name}: no landmarks: {why}" for name, why in made.landmarks.unsure.items())]

@@ -112,15 +112,15 @@ def find_back(points: np.ndarray, line: np.ndarray, across: np.ndarray, what: st
     cell = max(4.0, 1.3 * _usual_distance(skin))  # surroundings may be sparser than the skin
     grid = depth_grid(seen[:, [0, 2]], seen[:, 1], cell)
     columns, rows = grid.middles
-    found = find_raised(grid, columns[:, None] - _line_at(line, across, rows)[:, 0], error, blur)
-    given, on = skin, np.zeros(len(skin), dtype=bool)
-    if found is not None:
-        on, depth = found.over_skin(seen[:, [0, 2]], seen[:, 1], error)
+    plate = find_raised(grid, columns[:, None] - _line_at(line, across, rows)[:, 0], error, blur)
+    shown, on = skin, np.zeros(len(skin), dtype=bool)
+    if plate is not None:
+        on, depth = plate.over_skin(seen[:, [0, 2]], seen[:, 1], error)
         skin = skin + np.where(on, depth - seen[:, 1], 0.0)[:, None] * [-across[1], across[0], 0.0]
     skin, bump = without_bumps(skin, across)
     bridged = bump | on
-    raised = given[bridged]
-    return BackPoints(skin, bridged, raised, hidden, surroundings, noise, error, found is not None)
+    raised = shown[bridged]
+    return BackPoints(skin, bridged, raised, hidden, surroundings, noise, error, plate is not None)
 
 
 def points_on(surface: Surface) -> np.ndarray:
@@ -159,11 +159,11 @@ def _on_planes(points: np.ndarray, to_line: np.ndarray) -> np.ndarray:
     Planes are drawn through three points each of those that are farther than `_BESIDE` from the spine (RANSAC,
     Fischler and Bolles 1981, Commun ACM 24:381).
     """
-    found = np.zeros(len(points), dtype=bool)
+    on_plane = np.zeros(len(points), dtype=bool)
     near = (np.abs(to_line[:, 0]) < CORRIDOR) & (to_line[:, 1] > LAYER[0]) & (to_line[:, 1] < LAYER[1])
     rng = np.random.default_rng(0)
     for _ in range(6):
-        far = points[~found & (np.hypot(*to_line[:, :2].T) > _BESIDE)]
+        far = points[~on_plane & (np.hypot(*to_line[:, :2].T) > _BESIDE)]
         if len(far) < _PLANE:
             break
         some = far[rng.choice(len(far), min(len(far), 2000), replace=False)]
@@ -178,8 +178,8 @@ def _on_planes(points: np.ndarray, to_line: np.ndarray) -> np.ndarray:
         on = np.abs((far - middle) @ normal) < _ON_PLANE
         if len(np.unique(np.floor(far[on] / 10.0), axis=0)) < _PLANE:
             break
-        found |= (np.abs((points - middle) @ normal) < 2.0 * _ON_PLANE) & ~near
-    return found
+        on_plane |= (np.abs((points - middle) @ normal) < 2.0 * _ON_PLANE) & ~near
+    return on_plane
 
 
 def _hangs_together(points: np.ndarray, to_line: np.ndarray, size: float, what: str) -> np.ndarray:
@@ -273,9 +273,8 @@ def smoothed(points: np.ndarray, across: np.ndarray, noise: float, radius: float
     )
     node = node.reshape(-1, 2)
     tree = KDTree(places)
-    many = int(
-        np.median([len(one) for one in tree.query_ball_point(places[:: max(1, len(places) // 200)], radius)])
-    )
+    sampled = tree.query_ball_point(places[:: max(1, len(places) // 200)], radius)
+    many = int(np.median([len(near) for near in sampled]))
     count = min(max(many, 12), 200)
     gap, near = map(np.asarray, tree.query(node, k=count, distance_upper_bound=radius))
     full = (np.isfinite(gap).sum(axis=1) > 0.35 * count) & (np.isfinite(gap[:, :6]).all(axis=1))
@@ -283,13 +282,13 @@ def smoothed(points: np.ndarray, across: np.ndarray, noise: float, radius: float
     depths, leverage = [], []
     for start in range(0, len(node), 2000):
         part = slice(start, start + 2000)
-        known = np.isfinite(gap[part])
-        rows = np.where(known, near[part], 0)
+        inside = np.isfinite(gap[part])
+        rows = np.where(inside, near[part], 0)
         off = np.zeros((*rows.shape, 3))
         off[..., [0, 2]] = (places[rows] - node[part][:, None]) / radius
         terms, depth = _quadratic(off), seen[rows, 1]
-        middle = np.nanmedian(np.where(known, depth, np.nan), axis=1)
-        kernel = np.where(known, np.maximum(1.0 - np.square(np.minimum(gap[part] / radius, 1.0)), 0.0), 0.0)
+        middle = np.nanmedian(np.where(inside, depth, np.nan), axis=1)
+        kernel = np.where(inside, np.maximum(1.0 - np.square(np.minimum(gap[part] / radius, 1.0)), 0.0), 0.0)
         weights, scale, fit = kernel, 6.0 * noise, np.zeros((len(rows), terms.shape[2]))
         fit[:, 0] = middle
         for _ in range(5):
@@ -300,10 +299,10 @@ def smoothed(points: np.ndarray, across: np.ndarray, noise: float, radius: float
             scale = 4.7 * noise
         moment = np.einsum("nk,nki,nkj->nij", weights, terms, terms) + 1e-6 * np.eye(terms.shape[2])
         first = np.linalg.solve(moment, np.eye(terms.shape[2])[0])  # row of the inverse that gives the depth
-        leverage.append(np.einsum("nk,nk->n", np.square(weights * np.einsum("nki,ni->nk", terms, first)), known))
+        leverage.append(np.einsum("nk,nk->n", np.square(weights * np.einsum("nki,ni->nk", terms, first)), inside))
         depths.append(fit[:, 0])
     depth, share = np.concatenate(depths), np.concatenate(leverage)
     good = share < 1.0
     behind = np.array([-across[1], across[0]])
-    found = node[good, :1] * across + depth[good, None] * behind
-    return np.column_stack([found, node[good, 1]]), float(noise * np.sqrt(np.median(share[good])))
+    places_on_grid = node[good, :1] * across + depth[good, None] * behind
+    return np.column_stack([places_on_grid, node[good, 1]]), float(noise * np.sqrt(np.median(share[good])))

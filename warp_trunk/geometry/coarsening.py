@@ -79,7 +79,7 @@ def coarsen(surface: Surface, edge_length: float, tolerance: float, longest: flo
     work = _with_planes(surface.vertices - middle, surface.faces.astype(np.int32))
     random = np.random.default_rng(0)
     count = len(work.vertices)
-    kept = deepcopy(work)  # the last state without new crossings
+    earlier = deepcopy(work)  # the last state without new crossings
     frozen = np.zeros(count, dtype=bool)  # vertices whose collapses led to a crossing
     refused = np.empty(0, dtype=np.int64)  # edges that failed a test since the pass began
     faces_at_pass = np.inf
@@ -93,10 +93,10 @@ def coarsen(surface: Surface, edge_length: float, tolerance: float, longest: flo
         pass_ends |= len(edges) == 0
         if pass_ends or rounds % _ROUNDS_BETWEEN_CHECKS == 0:
             crossed = crossings(Surface(work.vertices, work.faces))
-            if len(crossed) and _freeze(frozen, work.faces[crossed], kept.faces):
-                work, pass_ends = deepcopy(kept), False
+            if len(crossed) and _freeze(frozen, work.faces[crossed], earlier.faces):
+                work, pass_ends = deepcopy(earlier), False
                 continue
-            kept = deepcopy(work)
+            earlier = deepcopy(work)
         if pass_ends:
             if len(work.faces) > 0.98 * faces_at_pass:
                 break
@@ -170,10 +170,10 @@ def _flipped(surface: Surface) -> Surface:
         if len(other) != 1:
             continue
         d = int(faces[other[0]][~np.isin(faces[other[0]], (a, b))][0])
-        known = ((faces == c).any(axis=1) & (faces == d).any(axis=1)).any()
+        linked = ((faces == c).any(axis=1) & (faces == d).any(axis=1)).any()
         old, new = faces[[face, other[0]]], np.array([[c, a, d], [c, d, b]], dtype=faces.dtype)
         normals = area_vectors(surface.vertices, np.vstack([old[1:], new]))
-        if known or (normals[1:] @ normals[0] <= 0.0).any() or len(slivers(Surface(surface.vertices, new))):
+        if linked or (normals[1:] @ normals[0] <= 0.0).any() or len(slivers(Surface(surface.vertices, new))):
             continue
         faces[[face, other[0]]] = new
     flipped = Surface(surface.vertices, faces)
@@ -234,21 +234,21 @@ def _independent(edges: np.ndarray, key: np.ndarray, corners: _Corners, count: i
         return least
 
     taken = np.zeros(len(edges), dtype=bool)
-    left, (one, other) = np.arange(len(edges)), edges.T.copy()  # those left, and their ends
+    left, (first_end, other) = np.arange(len(edges)), edges.T.copy()  # those left, and their ends
     far = np.ones(count)
     for _ in range(_CHOICES_IN_A_ROUND):
         asked = np.zeros(count, dtype=bool)
-        asked[one] = asked[other] = True
+        asked[first_end] = asked[other] = True
         least = np.full(count, np.inf)
-        np.minimum.at(least, one, key)
+        np.minimum.at(least, first_end, key)
         np.minimum.at(least, other, key)
         least = around(least, asked)
-        chosen = key <= np.minimum(least[one], least[other])
+        chosen = key <= np.minimum(least[first_end], least[other])
         taken[left[chosen]] = True
-        far[one[chosen]] = far[other[chosen]] = 0.0
+        far[first_end[chosen]] = far[other[chosen]] = 0.0
         free = around(far, asked)
-        apart = (free[one] > 0.0) & (free[other] > 0.0)
-        left, one, other, key = left[apart], one[apart], other[apart], key[apart]
+        apart = (free[first_end] > 0.0) & (free[other] > 0.0)
+        left, first_end, other, key = left[apart], first_end[apart], other[apart], key[apart]
     return taken
 
 

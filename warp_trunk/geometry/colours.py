@@ -25,13 +25,13 @@ def as_colours(values: np.ndarray, vertices: np.ndarray, *, most: float | None =
     from scipy.spatial import KDTree  # heavy
 
     values = np.asarray(values, dtype=np.float64)[:, :3]
-    known = np.isfinite(values).all(axis=1)
-    if not known.any():
+    coloured = np.isfinite(values).all(axis=1)
+    if not coloured.any():
         return None
-    if not known.all():
-        nearest = np.asarray(KDTree(vertices[known]).query(vertices[~known])[1])
+    if not coloured.all():
+        nearest = np.asarray(KDTree(vertices[coloured]).query(vertices[~coloured])[1])
         values = values.copy()
-        values[~known] = values[known][nearest]
+        values[~coloured] = values[coloured][nearest]
     if most is None:
         most = next((end for end in (1.0, 255.0) if values.max() <= end), 65535.0)
     if not np.ptp(values, axis=0).any():
@@ -51,23 +51,23 @@ def to_linear(values: np.ndarray) -> np.ndarray:
 
 def mean_colours(colours: np.ndarray, number: np.ndarray, count: int) -> np.ndarray:
     """The mean of the known colours (n, 3) with each number from 0 to `count` - 1; NaN where there is none."""
-    known = np.isfinite(colours).all(axis=1)
-    colours, number = colours[known], number[known]
+    coloured = np.isfinite(colours).all(axis=1)
+    colours, number = colours[coloured], number[coloured]
     times = np.bincount(number, minlength=count)
     with np.errstate(invalid="ignore"):
         return np.column_stack([np.bincount(number, part, count) / times for part in colours.T])
 
 
-def coloured_from(surface: Surface, others: Iterable[Surface]) -> Surface:
+def coloured_from(surface: Surface, sources: Iterable[Surface]) -> Surface:
     """A surface with the colours that the nearest points of others have; itself where none of them has any.
 
     Args:
         surface: what is coloured.
-        others: surfaces in the same place, such as those that it was made of.
+        sources: surfaces in the same place, such as those that it was made of.
     """
     from .distance_field import nearest  # brings Warp
 
-    coloured = [other for other in others if other.colours is not None]
+    coloured = [other for other in sources if other.colours is not None]
     if not coloured:
         return surface
     before = np.cumsum([0, *(len(other.vertices) for other in coloured)])
@@ -93,6 +93,6 @@ def coloured_from_points(surface: Surface, points: np.ndarray, colours: np.ndarr
     from scipy.spatial import KDTree  # heavy
 
     distance, nearest = KDTree(points).query(surface.vertices)
-    found = colours[np.asarray(nearest)]
-    found[np.asarray(distance) > reach] = np.median(colours, axis=0)
-    return replace(surface, colours=found)
+    nearest_colours = colours[np.asarray(nearest)]
+    nearest_colours[np.asarray(distance) > reach] = np.median(colours, axis=0)
+    return replace(surface, colours=nearest_colours)

@@ -26,16 +26,16 @@ def launch_over_cores(
     Warp lets go of the interpreter while a kernel runs on the CPU, where it has one thread for a launch.
     """
 
-    def one(part: tuple[int, int]) -> None:
+    def launch_part(part: tuple[int, int]) -> None:
         wp.launch(kernel, dim=part[1] - part[0], inputs=[part[0], *inputs], outputs=outputs, device=device)
 
     if size < _LEAST or device != "cpu":
-        one((0, size))
+        launch_part((0, size))
         return
-    one((0, 1))  # alone, so that the kernel is compiled once
+    launch_part((0, 1))  # alone, so that the kernel is compiled once
     cores = usable_cores()
     with ThreadPoolExecutor(cores) as pool:
-        list(pool.map(one, pairwise(np.linspace(1, size, cores + 1).astype(int).tolist())))
+        list(pool.map(launch_part, pairwise(np.linspace(1, size, cores + 1).astype(int).tolist())))
 
 
 def each_over_cores(work: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:

@@ -50,9 +50,9 @@ class CutPlane:
         numbers = (*self.point, *self.normal)
         good = len(self.point) == len(self.normal) == 3 and all(map(math.isfinite, numbers)) and any(self.normal)
         if not good or not self.radius > 0.0:
-            found = f"{self.point}, {self.normal} and {self.radius}"
+            values = f"{self.point}, {self.normal} and {self.radius}"
             raise InputError(
-                f"cut: a plane is a point, a normal that is not zero and a radius above 0, not {found}"
+                f"cut: a plane is a point, a normal that is not zero and a radius above 0, not {values}"
             )
 
     @classmethod
@@ -245,10 +245,10 @@ def cut_bone(bone: Surface, plane: CutPlane, name: str = "bone") -> list[Surface
     if not off.any() or beyond.all():
         raise InputError(f"{name}: {plane} does not cut it; move the plane, or give another radius")
     edge = float(np.median(side_lengths(bone)))
-    kept = cut_within(bone, plane, ~beyond | off, edge)
+    rest = cut_within(bone, plane, ~beyond | off, edge)
     back = CutPlane(plane.point, tuple(-value for value in plane.normal))
     other = cut_within(bone, back, np.ones(len(beyond), dtype=bool), edge)
-    parts = [kept, *_cut_off(other, bone.vertices[off])]
+    parts = [rest, *_cut_off(other, bone.vertices[off])]
     change = sum(map(enclosed_volume, parts)) / enclosed_volume(bone) - 1.0
     if abs(change) > MOST_CHANGE:
         rule = (
@@ -262,8 +262,8 @@ def _cut_off(surface: Surface, vertices: np.ndarray) -> list[Surface]:
     """The connected parts that hold some of the vertices (n, 3), from larger to smaller x."""
     from scipy.spatial import KDTree  # heavy
 
-    known = KDTree(vertices).query(surface.vertices)[0] < 1e-9
+    cut_off = KDTree(vertices).query(surface.vertices)[0] < 1e-9
     label = components(surface)
     of_face = label[surface.faces[:, 0]]
-    found = [compact(surface.vertices, surface.faces[of_face == number]) for number in np.unique(label[known])]
-    return sorted(found, key=lambda part: -float(part.vertices[:, 0].mean()))
+    pieces = [compact(surface.vertices, surface.faces[of_face == number]) for number in np.unique(label[cut_off])]
+    return sorted(pieces, key=lambda part: -float(part.vertices[:, 0].mean()))

@@ -90,9 +90,9 @@ class SurfaceDistance:
         distance = np.full(len(points), -np.inf, dtype=np.float32)
         distance[sample] = self.at(points[sample])
         # no point is farther outside than another by more than their distance
-        most, one = np.maximum.reduceat(distance, ends - np.diff(ends, prepend=0)), sample[patch]
-        reach = distance[one] + np.linalg.norm(points - points[one], axis=1)
-        left = np.flatnonzero((reach >= most[group] - _SLACK) & (one != np.arange(len(points))))
+        most, nearest_sample = np.maximum.reduceat(distance, ends - np.diff(ends, prepend=0)), sample[patch]
+        reach = distance[nearest_sample] + np.linalg.norm(points - points[nearest_sample], axis=1)
+        left = np.flatnonzero((reach >= most[group] - _SLACK) & (nearest_sample != np.arange(len(points))))
         distance[left] = self.at(points[left])
         return [(int(each.argmax()), float(each.max())) for each in np.split(distance, ends[:-1])]
 
@@ -102,8 +102,8 @@ class SurfaceDistance:
             off = np.abs(points - self._tree.middle).max(initial=0.0)
             reach = 2.0 * (self._size + float(off)) + 1.0
         distance, face, nearest = (wp.empty(len(points), dtype=kind, device="cpu") for kind in _NEAREST)
-        given = [self._tree.mesh.id, self._tree.local(points), reach]
-        launch_over_cores(signed_distance, len(points), given, [distance, face, nearest])
+        inputs = [self._tree.mesh.id, self._tree.local(points), reach]
+        launch_over_cores(signed_distance, len(points), inputs, [distance, face, nearest])
         return Nearest(distance.numpy(), face.numpy(), nearest.numpy() + self._tree.middle)
 
     def on_grid(self, grid: Grid, box: Box, wanted: np.ndarray, band: float) -> np.ndarray:
@@ -120,10 +120,10 @@ class SurfaceDistance:
         """
         first = np.array([part.start for part in box])
         distance = np.full(wanted.shape, band, dtype=np.float32)
-        found = self.at(grid.positions(np.argwhere(wanted) + first), band)
-        distance[wanted] = np.where(np.isnan(found), np.float32(band), found)
+        distances = self.at(grid.positions(np.argwhere(wanted) + first), band)
+        distance[wanted] = np.where(np.isnan(distances), np.float32(band), distances)
         beyond = np.zeros(wanted.shape, dtype=bool)
-        beyond[wanted] = np.isnan(found)
+        beyond[wanted] = np.isnan(distances)
         patches = connected(beyond)
         sample = np.empty(patches.max(initial=0) + 1, dtype=np.int64)
         sample[patches.reshape(-1)[::-1]] = np.arange(patches.size)[::-1]  # the first node of each
@@ -162,8 +162,8 @@ def nearest_surface(points: np.ndarray, distances: Sequence[SurfaceDistance], re
     least = np.full(len(points), np.inf)
     for within in (reach, None):
         left = np.flatnonzero(nearest < 0)
-        found = each_over_cores(partial(_near, points=points[left], reach=within), distances)
-        for number, (rows, value) in enumerate(found):
+        fields = each_over_cores(partial(_near, points=points[left], reach=within), distances)
+        for number, (rows, value) in enumerate(fields):
             near = left[rows]
             closer = value < least[near]  # NaN is not
             nearest[near[closer]] = number
@@ -248,6 +248,6 @@ def nearest(surface: Surface, points: np.ndarray, reach: float) -> tuple[np.ndar
     """The nearest triangle to each point, -1 if none is within reach [mm], and its corners' weights (n, 3)."""
     tree = search_tree(surface)
     face, weights = (wp.empty(len(points), dtype=kind, device="cpu") for kind in _FACE_AND_WEIGHTS)
-    given = [tree.mesh.id, tree.local(points), reach]
-    wp.launch(nearest_on_mesh, dim=len(points), inputs=given, outputs=[face, weights], device="cpu")
+    inputs = [tree.mesh.id, tree.local(points), reach]
+    wp.launch(nearest_on_mesh, dim=len(points), inputs=inputs, outputs=[face, weights], device="cpu")
     return face.numpy(), weights.numpy().astype(np.float64)

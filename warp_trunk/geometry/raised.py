@@ -78,9 +78,9 @@ def _filled(depth: np.ndarray) -> np.ndarray:
         0.5 * (_moved(padded, *step) + _moved(padded, -step[0], -step[1]))
         for step in ((1, 0), (0, 1), (1, 1), (1, -1))
     ]
-    known = np.isfinite(beside)
-    mean = np.where(known, beside, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-    return np.where(np.isnan(depth) & known.any(axis=0), mean, depth)
+    full = np.isfinite(beside)
+    mean = np.where(full, beside, 0.0).sum(axis=0) / np.maximum(full.sum(axis=0), 1)
+    return np.where(np.isnan(depth) & full.any(axis=0), mean, depth)
 
 
 def _moved(padded: np.ndarray, columns: int, rows: int, pad: int = 1) -> np.ndarray:
@@ -93,10 +93,10 @@ def _averaged(depth: np.ndarray) -> np.ndarray:
     """Each cell averaged with those beside it, NaN where it is empty itself."""
     from scipy.ndimage import gaussian_filter
 
-    known = np.isfinite(depth)
-    weight = gaussian_filter(known.astype(float), 0.7, mode="constant")
-    total = gaussian_filter(np.where(known, depth, 0.0), 0.7, mode="constant")
-    return np.divide(total, weight, out=np.full(depth.shape, np.nan), where=known)
+    full = np.isfinite(depth)
+    weight = gaussian_filter(full.astype(float), 0.7, mode="constant")
+    total = gaussian_filter(np.where(full, depth, 0.0), 0.7, mode="constant")
+    return np.divide(total, weight, out=np.full(depth.shape, np.nan), where=full)
 
 
 def creases(grid: DepthGrid, step: float = CREASE_REACH) -> np.ndarray:
@@ -173,11 +173,11 @@ def find_raised(grid: DepthGrid, aside: np.ndarray, error: float = 0.0, blur: fl
     # a crease that is interrupted over a short way, or that was smoothed, still ends a piece
     for least, narrow in product((1.0, *(_FAINTER if blur else ())), _NARROW):
         part = (bend < least) & near & ~raised
-        kept = part
+        solid = part
         if narrow:
-            kept = np.logical_and(ndimage.binary_erosion(part | ~near, iterations=narrow, border_value=1), near)
+            solid = np.logical_and(ndimage.binary_erosion(part | ~near, iterations=narrow, border_value=1), near)
         piece = np.empty(near.shape, dtype=np.int32)
-        ndimage.label(kept & part, output=piece)
+        ndimage.label(solid & part, output=piece)
         size = np.bincount(piece.ravel()) * grid.cell**2
         order = [number for number in np.argsort(-size[1:]) + 1 if size[number] > _LARGE]
         if len(order) < 2:
@@ -187,12 +187,12 @@ def find_raised(grid: DepthGrid, aside: np.ndarray, error: float = 0.0, blur: fl
         grown = np.where(part & (gap <= narrow + 1.0), piece[tuple(nearest)], 0)
         skin = grown == order[0]
         for number in order[1:]:
-            one = grown == number
-            large = one.sum() > _MOST * near.sum()
-            if not large and min(heights(grid, skin, one)) > RAISED + 3.0 * error:
-                raised |= one
+            piece_cells = grown == number
+            large = piece_cells.sum() > _MOST * near.sum()
+            if not large and min(heights(grid, skin, piece_cells)) > RAISED + 3.0 * error:
+                raised |= piece_cells
             else:
-                skin |= one
+                skin |= piece_cells
     if not raised.any():
         return None
     # it goes on to the rim of the scan where it comes near to it
@@ -220,12 +220,12 @@ def heights(grid: DepthGrid, skin: np.ndarray, part: np.ndarray) -> tuple[float,
     but for it.
     """
     plate = _Plate(grid, part, skin, _STIFFER)
-    if plate.known.sum() < 3:
+    if plate.on_skin.sum() < 3:
         return 0.0, 0.0
     own = plate.of(part)
-    low = plate.solved(plate.known, plate.depth)
+    low = plate.solved(plate.on_skin, plate.depth)
     above = float(np.median((plate.depth - low)[own]))
-    both = plate.known | own
+    both = plate.on_skin | own
     level, step = (plate.left(both, values) for values in (plate.depth, own.astype(float)))
     return above, float(level @ step / (step @ step))
 
@@ -243,7 +243,7 @@ def bridge(grid: DepthGrid, skin: np.ndarray, part: np.ndarray) -> np.ndarray:
     """
     plate = _Plate(grid, part, skin, _STIFF)
     depth = np.full(part.shape, np.nan)
-    depth[plate.inside] = plate.solved(plate.known, plate.depth) + plate.level
+    depth[plate.inside] = plate.solved(plate.on_skin, plate.depth) + plate.level
     return depth
 
 
@@ -258,7 +258,7 @@ class _Plate:
         from scipy.sparse import coo_array, vstack
 
         self.inside = inside = _dilated(part, round(_AROUND / grid.cell))
-        self.known = skin[inside]
+        self.on_skin = skin[inside]
         depth = grid.depth[inside]
         self.level = float(np.nanmean(depth))
         self.depth = np.nan_to_num(depth - self.level)
@@ -291,5 +291,5 @@ class _Plate:
 
     def left(self, carried: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Distances of the plate from its values and how it bends: its energy is the square of this."""
-        found = self.solved(carried, values)
-        return np.concatenate([(found - values)[carried], self.bend @ found])
+        solution = self.solved(carried, values)
+        return np.concatenate([(solution - values)[carried], self.bend @ solution])

@@ -143,14 +143,14 @@ class NamedMotions(Mapping[str, RigidMotion]):
         """For all bodies that may get a motion, and the shape of that of each."""
         self._place = {name: number for number, name in enumerate(names)}
         empty = np.empty((*shape, len(names), 3, 3)), np.empty((*shape, len(names), 3))
-        self._stack, self._found = RigidMotion(*empty), dict[str, None]()
+        self._stack, self._moved_names = RigidMotion(*empty), dict[str, None]()
 
     def put(self, names: Sequence[str], motions: RigidMotion) -> None:
         """Set those of some bodies, shape (..., bodies), or of a shape that broadcasts to it."""
         places = [self._place[name] for name in names]
         self._stack.rotation[..., places, :, :] = motions.rotation
         self._stack.translation[..., places, :] = motions.translation
-        self._found |= dict.fromkeys(names)
+        self._moved_names |= dict.fromkeys(names)
 
     def __setitem__(self, name: str, motion: RigidMotion) -> None:
         self.put([name], motion.last(None))
@@ -161,23 +161,23 @@ class NamedMotions(Mapping[str, RigidMotion]):
 
     def at(self, index: Any) -> NamedMotions:
         """Those at an index along the first axis of each."""
-        found = NamedMotions(())
-        found._place, found._stack, found._found = self._place, self._stack[index], self._found
-        return found
+        motions = NamedMotions(())
+        motions._place, motions._stack, motions._moved_names = self._place, self._stack[index], self._moved_names
+        return motions
 
     def __getitem__(self, name: str) -> RigidMotion:
-        if name not in self._found:
+        if name not in self._moved_names:
             raise KeyError(name)
         return self._stack.last(self._place[name])
 
     def __contains__(self, name: object) -> bool:
-        return name in self._found
+        return name in self._moved_names
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._found)
+        return iter(self._moved_names)
 
     def __len__(self) -> int:
-        return len(self._found)
+        return len(self._moved_names)
 
 
 def rotated(rotation: np.ndarray, vectors: np.ndarray) -> np.ndarray:
@@ -227,10 +227,10 @@ def nearest_rotation(spread: np.ndarray) -> np.ndarray:
     U, extents, Vt = np.linalg.svd(spread)
     turned = U.copy()
     turned[..., 2] *= np.sign(np.linalg.det(U @ Vt))[..., None]  # no reflection
-    found = np.swapaxes(turned @ Vt, -1, -2)
+    rotations = np.swapaxes(turned @ Vt, -1, -2)
     if (line := _on_line(extents)).any():
-        found[line] = smallest_turn(U[line][..., 0], Vt[line][..., 0, :])
-    return found
+        rotations[line] = smallest_turn(U[line][..., 0], Vt[line][..., 0, :])
+    return rotations
 
 
 def fit_rigid(before: np.ndarray, after: np.ndarray, weights: np.ndarray | None = None) -> RigidMotion:
@@ -248,9 +248,9 @@ def fit_rigid(before: np.ndarray, after: np.ndarray, weights: np.ndarray | None 
         InputError: no points, shapes that differ, or a number that is not finite.
     """
     if before.shape[-2:] != after.shape[-2:] or before.ndim < 2 or before.shape[-1] != 3 or not before.shape[-2]:
-        found = f"not {before.shape} and {after.shape}"
+        shapes = f"not {before.shape} and {after.shape}"
         raise InputError(
-            f"rigid fit: both sets of points must have one shape (n, 3), {found}; give each point twice"
+            f"rigid fit: both sets of points must have one shape (n, 3), {shapes}; give each point twice"
         )
     if not (np.isfinite(before).all() and np.isfinite(after).all()):
         raise InputError("rigid fit: coordinates must be finite; correct or remove the points that are not")

@@ -39,9 +39,9 @@ def sections(surface: Surface, heights: Sequence[float]) -> list[list[np.ndarray
     repeated = (points[following] == points).all(axis=1)
     loops: list[list[np.ndarray]] = [[] for _ in heights]
     for cycle in _cycles(following):
-        kept = cycle[~repeated[cycle]]
-        if len(kept) >= 3:
-            loops[order[plane[cycle[0]]]].append(points[kept])
+        once = cycle[~repeated[cycle]]
+        if len(once) >= 3:
+            loops[order[plane[cycle[0]]]].append(points[once])
     return loops
 
 
@@ -124,8 +124,8 @@ def _cut(surface: Surface, planes: np.ndarray) -> tuple[np.ndarray, np.ndarray, 
     p_up, q_up, r_up = above[p] > plane, above[q] > plane, above[r] > plane
     p_lonely, q_lonely = q_up == r_up, r_up == p_up
     a, b, c = (
-        np.where(p_lonely, one, np.where(q_lonely, two, three))
-        for one, two, three in ((p, q, r), (q, r, p), (r, p, q))
+        np.where(p_lonely, of_p, np.where(q_lonely, of_q, of_r))
+        for of_p, of_q, of_r in ((p, q, r), (q, r, p), (r, p, q))
     )
     rising = above[a] > plane
     # the inside is to the left of the direction of travel, the face normal to the right
@@ -163,11 +163,11 @@ def _cycles(following: np.ndarray) -> list[np.ndarray]:
     for start in range(len(after)):
         if not left[start]:
             continue
-        cycle, here = [], start
-        while left[here]:
-            left[here] = False
-            cycle.append(here)
-            here = after[here]
+        cycle, edge = [], start
+        while left[edge]:
+            left[edge] = False
+            cycle.append(edge)
+            edge = after[edge]
         cycles.append(np.array(cycle))
     return cycles
 
@@ -201,17 +201,17 @@ def upper_hull(x: np.ndarray, y: np.ndarray) -> list[int]:
     Returns:
         Their rows, rising.
     """
-    kept: list[int] = []
+    hull: list[int] = []
     xs, ys = x.tolist(), y.tolist()
     for point in range(len(xs)):
-        while len(kept) > 1:
-            first, last = kept[-2:]
+        while len(hull) > 1:
+            first, last = hull[-2:]
             rise, run = ys[last] - ys[first], xs[last] - xs[first]
             if rise * (xs[point] - xs[first]) > run * (ys[point] - ys[first]):
                 break
-            kept.pop()
-        kept.append(point)
-    return kept
+            hull.pop()
+        hull.append(point)
+    return hull
 
 
 def arc_length(line: np.ndarray) -> np.ndarray:
@@ -288,7 +288,7 @@ def _closed(open_outline: np.ndarray) -> np.ndarray:
     """The outline from one notch round the trunk to the other, closed by the flank that was under the arm: a cubic
     that goes on as the outline does beside the notches."""
     way, inward = arc_length(open_outline), _FILLET + _SIDE * np.arange(3.0)
-    kept = (way >= _FILLET) & (way <= way[-1] - _FILLET)
+    free = (way >= _FILLET) & (way <= way[-1] - _FILLET)
     start, before, long_before = points_along(open_outline, way[-1] - inward)
     end, after, long_after = points_along(open_outline, inward)
     # directions at both ends by parabolas through three points, of unit length, times the length between the ends
@@ -297,7 +297,7 @@ def _closed(open_outline: np.ndarray) -> np.ndarray:
     into = scale * (4.0 * after - 3.0 * end - long_after)
     t = np.linspace(0.0, 1.0, 20)[:, None]
     flank = (1 + 2 * t) * (1 - t) ** 2 * start + t**2 * (3 - 2 * t) * end
-    return np.vstack([open_outline[kept], flank + t * (1 - t) ** 2 * out + t**2 * (t - 1) * into])
+    return np.vstack([open_outline[free], flank + t * (1 - t) ** 2 * out + t**2 * (t - 1) * into])
 
 
 def _notches(loop: np.ndarray) -> list[int]:

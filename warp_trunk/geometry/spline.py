@@ -136,12 +136,12 @@ def spread_centres(points: np.ndarray, apart: float) -> np.ndarray:
     centres for a spline that many points share."""
     from scipy.spatial import KDTree  # heavy
 
-    tree, kept = KDTree(points), np.ones(len(points), dtype=bool)
+    tree, chosen = KDTree(points), np.ones(len(points), dtype=bool)
     for row, point in enumerate(points):
-        if kept[row]:
-            kept[tree.query_ball_point(point, apart)] = False
-            kept[row] = True
-    return np.flatnonzero(kept)
+        if chosen[row]:
+            chosen[tree.query_ball_point(point, apart)] = False
+            chosen[row] = True
+    return np.flatnonzero(chosen)
 
 
 def spline_matrix(centres: np.ndarray, nugget: float | np.ndarray = 0.0, drift: str = "linear") -> np.ndarray:
@@ -170,9 +170,9 @@ def check_landmarks(
 
     names = [f"number {i}" for i in range(len(sources))] if names is None else list(names)
     if sources.ndim != 2 or sources.shape[1] != 3 or sources.shape != targets.shape:
-        found = f"not {sources.shape} and {targets.shape}"
+        problem = f"not {sources.shape} and {targets.shape}"
         raise InputError(
-            f"spline: sources and targets must have one shape (n, 3), {found}; give both places of each"
+            f"spline: sources and targets must have one shape (n, 3), {problem}; give both places of each"
         )
     if len(names) != len(sources):
         raise InputError(f"spline: names must be one for each landmark, not {len(names)} for {len(sources)}")
@@ -181,19 +181,19 @@ def check_landmarks(
     if drift not in ("linear", "constant"):
         raise InputError(f"spline: 'drift' must be linear or constant, not {drift!r}")
     if len(sources) < (least := 4 if drift == "linear" else 1):
-        found = f"{len(sources)} ({_list(names)})"
-        raise InputError(f"spline: at least {least} landmarks are needed, not {found}; add landmarks")
+        problem = f"{len(sources)} ({_list(names)})"
+        raise InputError(f"spline: at least {least} landmarks are needed, not {problem}; add landmarks")
     if (bad := np.flatnonzero(~np.isfinite(np.hstack([sources, targets])).all(axis=1))).size:
-        found = _list([names[i] for i in bad])
-        raise InputError(f"spline: coordinates must be finite, not those of {found}; correct or remove them")
+        problem = _list([names[i] for i in bad])
+        raise InputError(f"spline: coordinates must be finite, not those of {problem}; correct or remove them")
     near = KDTree(sources).query_pairs(_COINCIDENT) if np.min(nugget) == 0.0 else ()
     if near:
-        found = _list([f"'{names[i]}' and '{names[j]}'" for i, j in sorted(near)])
-        raise InputError(f"spline: no two landmarks may coincide, but {found} do; remove one, or set a nugget")
+        problem = _list([f"'{names[i]}' and '{names[j]}'" for i, j in sorted(near)])
+        raise InputError(f"spline: no two landmarks may coincide, but {problem} do; remove one, or set a nugget")
     spread = np.linalg.svd(sources - sources.mean(axis=0), compute_uv=False)
     if drift == "linear" and spread[2] <= _FLAT * spread[0]:
-        found = f"{_list(names)} do; add one off the plane"
-        raise InputError(f"spline: landmarks may not all lie in one plane, but {found}")
+        problem = f"{_list(names)} do; add one off the plane"
+        raise InputError(f"spline: landmarks may not all lie in one plane, but {problem}")
 
 
 def _list(names: list[str], most: int = 6) -> str:
@@ -244,8 +244,8 @@ class SplineSums:
         right = np.concatenate([targets - sources, np.zeros((len(sources), 4, 3))], axis=1)
         other = (sources != self._sources).any(axis=2)
         moved = np.flatnonzero(other.any(axis=1))
-        found = self._inverse @ right
-        found += self._inverse @ (right - self._matrix @ found)  # one refinement, as in `fit_spline`
+        weights = self._inverse @ right
+        weights += self._inverse @ (right - self._matrix @ weights)  # one refinement, as in `fit_spline`
         columns = np.broadcast_to(self._columns, (len(sources), *self._columns.shape))
         if len(moved):
             columns = columns.copy()
@@ -253,22 +253,22 @@ class SplineSums:
             for some in np.array_split(np.arange(len(rows)), 1 + len(rows) * len(self._points) // _BLOCK):
                 at = self._scaled(sources[rows[some], landmarks[some]])
                 columns[rows[some], :, landmarks[some]] = (self._weights @ cdist(self._points, at)).T
-            found[moved] = self._solved(sources[moved], right[moved], found[moved])
-        return columns @ found[:, :-4] + self._affine @ found[:, -4:]
+            weights[moved] = self._solved(sources[moved], right[moved], weights[moved])
+        return columns @ weights[:, :-4] + self._affine @ weights[:, -4:]
 
-    def _solved(self, sources: np.ndarray, right: np.ndarray, found: np.ndarray) -> np.ndarray:
+    def _solved(self, sources: np.ndarray, right: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """The weights of sets of other landmarks: refined from those of the first set, which is enough for sets
         near it, else solved."""
         matrices = np.array([spline_matrix(self._scaled(points)) for points in sources])
-        change = found
+        change = weights
         for _ in range(_REFINEMENTS):
-            change = self._inverse @ (right - matrices @ found)
-            found = found + change
-        far = np.abs(change).max(axis=(1, 2)) > 1e-12 * np.abs(found).max(axis=(1, 2))
+            change = self._inverse @ (right - matrices @ weights)
+            weights = weights + change
+        far = np.abs(change).max(axis=(1, 2)) > 1e-12 * np.abs(weights).max(axis=(1, 2))
         if far.any():
-            found[far] = np.linalg.solve(matrices[far], right[far])
-            found[far] += np.linalg.solve(matrices[far], right[far] - matrices[far] @ found[far])
-        return found
+            weights[far] = np.linalg.solve(matrices[far], right[far])
+            weights[far] += np.linalg.solve(matrices[far], right[far] - matrices[far] @ weights[far])
+        return weights
 
     def _scaled(self, points: np.ndarray) -> np.ndarray:
         return (points - self._origin) / self._scale

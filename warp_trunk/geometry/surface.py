@@ -127,14 +127,14 @@ def check_surface(surface: Surface, name: str) -> None:
 
 def digest(*parts: np.ndarray | str | bytes) -> str:
     """A digest of arrays with their types and shapes, of texts and of bytes, in hexadecimal."""
-    found = hashlib.blake2b(digest_size=20)
+    hasher = hashlib.blake2b(digest_size=20)
     for part in parts:
         if isinstance(part, np.ndarray):
-            found.update(f"{part.dtype.str} {part.shape}".encode())
-            found.update(np.ascontiguousarray(part).tobytes())
+            hasher.update(f"{part.dtype.str} {part.shape}".encode())
+            hasher.update(np.ascontiguousarray(part).tobytes())
         else:
-            found.update(part.encode() if isinstance(part, str) else part)
-    return found.hexdigest()
+            hasher.update(part.encode() if isinstance(part, str) else part)
+    return hasher.hexdigest()
 
 
 def surface_digest(surface: Surface) -> str:

@@ -117,8 +117,8 @@ def check_solid(surface: Surface, name: str) -> None:
     order = np.lexsort(surface.vertices.T)
     same = np.flatnonzero((np.diff(surface.vertices[order], axis=0) == 0.0).all(axis=1))
     if same.size:
-        one, other = sorted(order[same[0] : same[0] + 2].tolist())
-        where = f"{one} and {other} are both at {_place(surface.vertices[one])} ({same.size} such pairs)"
+        first, second = sorted(order[same[0] : same[0] + 2].tolist())
+        where = f"{first} and {second} are both at {_place(surface.vertices[first])} ({same.size} such pairs)"
         raise InputError(f"{name}: vertices must be apart, but numbers {where}; repair the surface")
     if (thin := slivers(surface)).size:
         rule = f"triangles must have angles of at least {LEAST_ANGLE:g} degree"
@@ -166,8 +166,8 @@ def _fans(faces: np.ndarray, count: int) -> np.ndarray:
     first, second = faces, np.roll(faces, -1, axis=1)
     out = np.argsort((first * count + second).reshape(-1))  # directed edge v -> w, at the corner of v
     into = np.argsort((second * count + first).reshape(-1))  # its reverse w -> v, whose v is the next corner
-    here, there = corner.reshape(-1)[out], np.roll(corner, -1, axis=1).reshape(-1)[into]
-    fan = linked_parts(here, there, faces.size)
+    out_corner, in_corner = corner.reshape(-1)[out], np.roll(corner, -1, axis=1).reshape(-1)[into]
+    fan = linked_parts(out_corner, in_corner, faces.size)
     vertex_of_fan = np.zeros(fan.max() + 1, dtype=np.int64)
     vertex_of_fan[fan] = faces.reshape(-1)
     return np.bincount(vertex_of_fan, minlength=count)

@@ -80,5 +80,5 @@ def locked(folder: Path) -> Iterator[None]:
 
 def seen_from_here(path: Path) -> Path:
     """A path as it is given from the working folder, if it lies in that; to be shown."""
-    here = Path.cwd()
-    return path.relative_to(here) if path.is_relative_to(here) else path
+    working_folder = Path.cwd()
+    return path.relative_to(working_folder) if path.is_relative_to(working_folder) else path

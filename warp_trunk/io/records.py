@@ -97,9 +97,9 @@ def check_fields(record: object, what: str) -> None:
     bounds, words = _declared(type(record))
     for name, meta in bounds.items():
         value, least, most = getattr(record, name), meta.ge, meta.le
-        known = isinstance(value, Real) and not math.isnan(value)
-        if value is not None and not (known and least <= float(value) <= most):
-            cure = within(float(value), min(max(float(value), least), most)) if known else "; give one"
+        is_number = isinstance(value, Real) and not math.isnan(value)
+        if value is not None and not (is_number and least <= float(value) <= most):
+            cure = within(float(value), min(max(float(value), least), most)) if is_number else "; give one"
             rule = f"must be a number from {least:g} to {most:g} {meta.description or ''}".rstrip()
             raise InputError(f"{what}: '{name}' {rule}, not {value}{cure}")
     for name, allowed in words.items():
@@ -123,26 +123,26 @@ def _declared(kind: type) -> tuple[dict[str, Any], dict[str, tuple[str, ...]]]:
 
 def _check_keys(value: Any, kind: Any, where: Path | str, prefix: str) -> None:
     """InputError for an unknown key at any depth and for a word that is not known, each with the nearest."""
-    for one in getattr(kind, "types", (kind,)):
-        words = getattr(one, "values", ())  # of a Literal
+    for option in getattr(kind, "types", (kind,)):
+        words = getattr(option, "values", ())  # of a Literal
         if words and isinstance(value, str) and value not in words:
             rule = f"must be {' or '.join(words)}, not {value!r}{closest_name(value, words)}"
             raise InputError(f"{where}: '{prefix}' {rule}; give one of them")
-        if isinstance(value, list) and hasattr(one, "item_type"):
+        if isinstance(value, list) and hasattr(option, "item_type"):
             for row in value:
-                _check_keys(row, one.item_type, where, prefix)
-        known = {field.encode_name: field.type for field in getattr(one, "fields", ())}
-        if not known or not isinstance(value, dict):
+                _check_keys(row, option.item_type, where, prefix)
+        fields = {field.encode_name: field.type for field in getattr(option, "fields", ())}
+        if not fields or not isinstance(value, dict):
             continue
-        file_keys = getattr(one.cls, "file_keys", {})
-        known |= {key: known.pop(name) for name, key in file_keys.items()}
+        file_keys = getattr(option.cls, "file_keys", {})
+        fields |= {key: fields.pop(name) for name, key in file_keys.items()}
         start = f"{prefix}." if prefix else ""
         for key, inner in value.items():
-            if key not in known:
-                hint = closest_name(key, known).replace("mean '", f"mean '{start}")
-                keys = ", ".join(start + name for name in known)
+            if key not in fields:
+                hint = closest_name(key, fields).replace("mean '", f"mean '{start}")
+                keys = ", ".join(start + name for name in fields)
                 raise InputError(f"{where}: unknown key '{start}{key}'{hint}; the keys are {keys}")
-            _check_keys(inner, known[key], where, start + key)
+            _check_keys(inner, fields[key], where, start + key)
         for name, key in file_keys.items():
             if key in value:
                 value[name] = value.pop(key)

@@ -54,8 +54,8 @@ def read_volume(path: str | Path, skin: Surface, bones: Mapping[str, Surface]) -
 def _trunk(path: Path, mesh: Any, bones: Mapping[str, Surface]) -> TrunkMesh:
     solid = {block.type for block in mesh.cells} - {"vertex", "line", "triangle", "quad"}
     if solid != {"tetra"}:
-        found = ", ".join(sorted(solid)) or "no solid cells"
-        raise InputError(f"{path}: must hold linear tetrahedra (tetra) only, not {found}; mesh with those")
+        kinds = ", ".join(sorted(solid)) or "no solid cells"
+        raise InputError(f"{path}: must hold linear tetrahedra (tetra) only, not {kinds}; mesh with those")
     all_tets = np.concatenate([block.data for block in mesh.cells if block.type == "tetra"])
     points = np.array(mesh.points, dtype=np.float64)
     if all_tets.min() < 0 or all_tets.max() >= len(points):

@@ -78,11 +78,11 @@ def plumb(landmarks: Landmarks) -> np.ndarray:
 def check_bodies_and_discs(before: Landmarks, after: Landmarks) -> None:
     levels = before.vertebrae()
     for level in levels:
-        one, other = (
+        distances, other = (
             np.linalg.norm(points[:, None] - points[None], axis=2)
             for points in (before.of_bone(level).points, after.of_bone(level).points)
         )
-        np.testing.assert_allclose(other, one, atol=1e-9)
+        np.testing.assert_allclose(other, distances, atol=1e-9)
         assert np.linalg.det(fit_rigid(before.of_bone(level).points, after.of_bone(level).points).rotation) > 0
     for upper, lower in pairwise(levels):
         lengths = [
@@ -281,9 +281,9 @@ def refusal(plan: Plan) -> str:
 
 
 def nearest(text: str) -> float:
-    found = re.search(r"the nearest is (-?[\d.]+)", text)
-    assert found is not None, text
-    return float(found[1])
+    match = re.search(r"the nearest is (-?[\d.]+)", text)
+    assert match is not None, text
+    return float(match[1])
 
 
 @pytest.mark.slow
@@ -332,9 +332,9 @@ def test_least_motion_is_that_of_sequential_quadratic_programming() -> None:
     bend[:, 1] = 3.0
 
     def change(s: np.ndarray) -> np.ndarray:
-        found = np.zeros_like(mine)
-        found[free] = s.reshape(-1, 3)
-        return np.cumsum(found[::-1], axis=0)[::-1]
+        steps = np.zeros_like(mine)
+        steps[free] = s.reshape(-1, 3)
+        return np.cumsum(steps[::-1], axis=0)[::-1]
 
     def cost(s: np.ndarray) -> float:
         return float((s**2 / bend.ravel()).sum() + (100.0 * change(s)[0, 2]) ** 2)
@@ -343,11 +343,11 @@ def test_least_motion_is_that_of_sequential_quadratic_programming() -> None:
         return np.array([target.off(Placed(chain, change(s))) for target in targets])
 
     met = {"type": "eq", "fun": off}
-    theirs = optimize.minimize(
+    reference = optimize.minimize(
         cost, np.zeros(bend.size), method="SLSQP", constraints=met, options={"maxiter": 500, "ftol": 1e-12}
     )
-    assert np.abs(off(theirs.x)).max() < 1e-6
-    np.testing.assert_allclose(mine, change(theirs.x), atol=5e-3)
+    assert np.abs(off(reference.x)).max() < 1e-6
+    np.testing.assert_allclose(mine, change(reference.x), atol=5e-3)
     assert np.abs(mine).max() > 3.0
 
 

@@ -105,7 +105,7 @@ PRIOR = Prior(mean=np.zeros(1), sd=np.ones(1), low=np.full(1, -9.0), high=np.ful
 ALWAYS = 99.0
 
 
-class Known(Rounds):
+class ScriptedRounds(Rounds):
     """Rounds that need no workers."""
 
     def __init__(self, limits: Mapping[str, float]) -> None:
@@ -117,9 +117,9 @@ class Known(Rounds):
 
     def submitted(self, jobs: Sequence[tuple[FitJob, np.ndarray]]) -> dict[str, CaseFit | Exception]:
         """Each case at its constants."""
-        return {job.name: self.one(job.name, float(counted[0])) for job, counted in jobs}
+        return {job.name: self.fit_of(job.name, float(counted[0])) for job, counted in jobs}
 
-    def one(self, name: str, x: float) -> CaseFit | Exception:
+    def fit_of(self, name: str, x: float) -> CaseFit | Exception:
         """A case at a constant."""
         if x > self.limits[name]:
             return InputError(f"{name}: ended STALLED")
@@ -129,7 +129,7 @@ class Known(Rounds):
 
 
 def test_a_few_cases_that_end_so_on_the_way_are_left_out_and_told() -> None:
-    rounds = Known({"a": ALWAYS, "b": ALWAYS, "c": ALWAYS, "edge": 1.0})
+    rounds = ScriptedRounds({"a": ALWAYS, "b": ALWAYS, "c": ALWAYS, "edge": 1.0})
     fit = rounds.search(PRIOR)
     assert fit.converged
     assert fit.counted[0] == pytest.approx(3.0, abs=1e-2)
@@ -139,18 +139,18 @@ def test_a_few_cases_that_end_so_on_the_way_are_left_out_and_told() -> None:
 
 
 def test_where_many_end_so_the_step_is_shorter_and_nobody_is_left_out() -> None:
-    rounds = Known({"a": ALWAYS, "b": 3.1, "c": 3.1, "d": 3.1})  # the first step leads to 3.5
+    rounds = ScriptedRounds({"a": ALWAYS, "b": 3.1, "c": 3.1, "d": 3.1})  # the first step leads to 3.5
     fit = rounds.search(PRIOR)
     assert fit.counted[0] == pytest.approx(3.0, abs=1e-2)
     assert rounds.left_out == {}
 
 
 def test_what_fails_at_the_start_takes_no_part() -> None:
-    rounds = Known({"a": ALWAYS, "never": -1.0})
+    rounds = ScriptedRounds({"a": ALWAYS, "never": -1.0})
     rounds.search(PRIOR)
     assert list(rounds.left_out) == ["never"]
     with pytest.raises(InputError, match="no case could be simulated; the first: never"):
-        Known({"never": -1.0}).search(PRIOR)
+        ScriptedRounds({"never": -1.0}).search(PRIOR)
 
 
 def prior(*, weight: float = 1.0, mean: Sequence[float] = (0.0, 0.0), sd: Sequence[float] = (1.0, 2.0)) -> Prior:
@@ -175,10 +175,10 @@ def linear(seed: int, patients: int, truth: np.ndarray, noise: float):
 def test_one_place_and_a_prior_by_hand():
     """Residual x - 3 with deviation 1, prior 0 ± 1: the middle, 1.5, variance 1 / 2, half of it from the place."""
     believed = prior(mean=(0.0,), sd=(1.0,))
-    found = find(lambda x: {"a": (np.array([x[0] - 3.0]), np.ones((1, 1)))}, believed)
-    assert found.converged
-    assert found.counted[0] == pytest.approx(1.5)
-    sure = certainty(found.pieces, believed)
+    fitted = find(lambda x: {"a": (np.array([x[0] - 3.0]), np.ones((1, 1)))}, believed)
+    assert fitted.converged
+    assert fitted.counted[0] == pytest.approx(1.5)
+    sure = certainty(fitted.pieces, believed)
     assert sure.sd[0] == pytest.approx(np.sqrt(0.5))
     assert sure.from_data[0] == pytest.approx(0.5)
     assert sure.width == pytest.approx(1.96, abs=0.001)
@@ -186,21 +186,21 @@ def test_one_place_and_a_prior_by_hand():
 
 def test_without_a_prior_the_truth_comes_back():
     truth = np.array([1.2, -0.7])
-    found = find(linear(1, 5, truth, 0.0), prior(weight=0.0))
-    assert found.counted == pytest.approx(truth, abs=1e-6)
-    assert certainty(found.pieces, prior(weight=0.0)).from_data == pytest.approx([1.0, 1.0])
+    fitted = find(linear(1, 5, truth, 0.0), prior(weight=0.0))
+    assert fitted.counted == pytest.approx(truth, abs=1e-6)
+    assert certainty(fitted.pieces, prior(weight=0.0)).from_data == pytest.approx([1.0, 1.0])
 
 
 def test_where_nothing_is_known_a_shorter_step_is_taken():
     """Residual sinh(x) - 1 from 0.1, whose first step leads beyond 0.95: what is worse there is not lost."""
 
     def evaluate(x: np.ndarray):
-        known = np.minimum(x, 0.95)
+        capped = np.minimum(x, 0.95)
         worse = 3.0 if x[0] > 0.95 else 1.0
-        return {"a": (worse * (np.sinh(known) - 1.0), np.cosh(known)[:, None])}
+        return {"a": (worse * (np.sinh(capped) - 1.0), np.cosh(capped)[:, None])}
 
-    found = find(evaluate, prior(weight=0.0, mean=(0.1,), sd=(1.0,)))
-    assert found.counted[0] == pytest.approx(np.arcsinh(1.0), abs=2e-3)
+    fitted = find(evaluate, prior(weight=0.0, mean=(0.1,), sd=(1.0,)))
+    assert fitted.counted[0] == pytest.approx(np.arcsinh(1.0), abs=2e-3)
 
 
 def test_intervals_hold_the_truth_as_often_as_they_say():
@@ -208,17 +208,17 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
     truth, inside, draws = np.array([0.5, -0.3]), 0, 150
     for seed in range(draws):
         believed = prior(weight=1e-6)
-        found = find(linear(seed, 12, truth, 1.0), believed)
-        sure = certainty(found.pieces, believed)
-        inside += int((np.abs(found.counted - truth) <= sure.width * sure.sd).sum())
+        fitted = find(linear(seed, 12, truth, 1.0), believed)
+        sure = certainty(fitted.pieces, believed)
+        inside += int((np.abs(fitted.counted - truth) <= sure.width * sure.sd).sum())
     assert 0.90 <= inside / (2 * draws) <= 0.99
 
 
 def test_leaving_a_patient_out_is_the_fit_to_the_others():
     evaluate, believed = linear(4, 6, np.array([0.4, 0.9]), 0.5), prior()
-    found = find(evaluate, believed)
-    others = find(lambda x: {name: piece for name, piece in evaluate(x).items() if name != "2"}, believed)
-    assert without(found.pieces, "2", found.counted, believed) == pytest.approx(others.counted, abs=1e-5)
+    fitted = find(evaluate, believed)
+    left_out = find(lambda x: {name: piece for name, piece in evaluate(x).items() if name != "2"}, believed)
+    assert without(fitted.pieces, "2", fitted.counted, believed) == pytest.approx(left_out.counted, abs=1e-5)
 
 
 def test_constants_that_only_act_together_are_correlated():
@@ -317,7 +317,7 @@ def test_under_gravity_constants_move_the_rest_state_too(tmp_path_factory: pytes
 
 
 def check_derivatives(job: FitJob) -> None:
-    start = np.array([one.counted(one.start) for one in job.free])
+    start = np.array([constant.counted(constant.start) for constant in job.free])
     derivative = not_none(fit_case(job, start).derivative)
     plain = replace(job, derivative=False)
     for number, free in enumerate(job.free):
@@ -337,17 +337,17 @@ def relaxed(job: FitJob, relax: RelaxOptions) -> FitJob:
 
 
 def test_a_skin_that_is_settled_counts_though_no_equilibrium_is_confirmed(job: FitJob) -> None:
-    start = np.array([one.counted(one.start) for one in job.free])
+    start = np.array([constant.counted(constant.start) for constant in job.free])
     unreached = relaxed(job, RelaxOptions(tolerance=1e-15, max_steps=12))
-    found, wanted = fit_case(unreached, start), fit_case(job, start)
-    np.testing.assert_allclose(found.residuals, wanted.residuals, atol=1e-4)
-    slope, known = not_none(found.derivative), not_none(wanted.derivative)
-    np.testing.assert_allclose(slope, known, atol=1e-2 * np.abs(known).max())
+    settled, wanted = fit_case(unreached, start), fit_case(job, start)
+    np.testing.assert_allclose(settled.residuals, wanted.residuals, atol=1e-4)
+    slope, exact_slope = not_none(settled.derivative), not_none(wanted.derivative)
+    np.testing.assert_allclose(slope, exact_slope, atol=1e-2 * np.abs(exact_slope).max())
 
 
 def test_a_skin_on_its_way_does_not_count(job: FitJob) -> None:
     with pytest.raises(InputError, match=r"ended STEP_LIMIT, the skin \d+\.\d mm from equilibrium"):
         fit_case(
             relaxed(job, RelaxOptions(method="gradient", max_steps=1)),
-            np.array([one.counted(one.start) for one in job.free]),
+            np.array([constant.counted(constant.start) for constant in job.free]),
         )

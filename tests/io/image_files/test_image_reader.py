@@ -150,11 +150,11 @@ def write_series(
 def test_every_voxel_lies_where_its_slice_says(tmp_path: Path, affine: np.ndarray) -> None:
     image = read_scan(write_series(tmp_path / "ct", affine))
     assert image.layers.shape == (1, *SLICES.shape)
-    found = {}
+    voxels = {}
     for number, value in np.ndenumerate(image.layers[0]):
-        found[tuple((image.affine @ [*number, 1.0]).round(3).tolist())] = value
+        voxels[tuple((image.affine @ [*number, 1.0]).round(3).tolist())] = value
     for number, value in np.ndenumerate(SLICES):
-        assert found[tuple((affine @ [*number, 1.0]).round(3).tolist())] == value
+        assert voxels[tuple((affine @ [*number, 1.0]).round(3).tolist())] == value
 
 
 def slice_at(folder: Path, place: int) -> Path:

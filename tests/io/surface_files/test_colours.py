@@ -71,10 +71,10 @@ def test_numbers_of_every_range_are_told_apart(tmp_path, kind):
 def test_missing_colours_come_from_the_nearest_vertex_and_one_colour_says_nothing():
     values = COLOURS.astype(float)
     values[SKIN.vertices[:, 2] > 60.0] = np.nan
-    found = not_none(as_colours(values, SKIN.vertices))
+    colours = not_none(as_colours(values, SKIN.vertices))
     up = SKIN.vertices[:, 2] > 60.0
-    np.testing.assert_array_equal(found[~up], COLOURS[~up])
-    assert np.abs(found[up, 2] - of(np.array([[0.0, 0, 60]]))[0, 2].astype(float)).max() < 25.0
+    np.testing.assert_array_equal(colours[~up], COLOURS[~up])
+    assert np.abs(colours[up, 2] - of(np.array([[0.0, 0, 60]]))[0, 2].astype(float)).max() < 25.0
     assert as_colours(np.full((9, 3), np.nan), np.eye(9)[:, :3]) is None
     assert as_colours(np.full((9, 4), 204.0), np.eye(9)[:, :3]) is None
 
@@ -192,8 +192,8 @@ def test_colours_go_on_to_the_nearest_points_of_another_surface():
     half = SKIN.faces[(SKIN.vertices[SKIN.faces][:, :, 0] > -10.0).all(axis=1)]
     other = SKIN.faces[(SKIN.vertices[SKIN.faces][:, :, 0] < 10.0).all(axis=1)]
     parts = [Surface(SKIN.vertices, part, COLOURS) for part in (half, other)]
-    found = coloured_from(Surface(ball.vertices, ball.faces), [*parts, SKIN])
-    assert np.abs(colours_of(found).astype(float) - of(ball.vertices / 1.005)).max() < 6.0
+    coloured = coloured_from(Surface(ball.vertices, ball.faces), [*parts, SKIN])
+    assert np.abs(colours_of(coloured).astype(float) - of(ball.vertices / 1.005)).max() < 6.0
     bare = Surface(ball.vertices, ball.faces)
     assert coloured_from(bare, [SKIN]) is bare
     thin = SKIN.vertices.copy()

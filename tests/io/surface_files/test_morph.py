@@ -22,10 +22,10 @@ def scene_of(content):
 
 
 def values(scene, buffer, number):
-    one = scene["accessors"][number]
-    view = scene["bufferViews"][one["bufferView"]]
+    accessor = scene["accessors"][number]
+    view = scene["bufferViews"][accessor["bufferView"]]
     data = np.frombuffer(buffer, "<f4", view["byteLength"] // 4, view["byteOffset"])
-    return data.reshape(one["count"], -1)
+    return data.reshape(accessor["count"], -1)
 
 
 def test_command_writes_both_skins_and_an_animation_that_leads_from_one_to_the_other(tmp_path, capsys):
@@ -63,6 +63,6 @@ def test_file_is_valid_with_and_without_colours(tmp_path, coloured):
     content = skin_glb(before, result.skin, ("skin", "predicted"))
     scene, _ = scene_of(content)
     gltf.validate(scene)
-    for one in scene["accessors"]:
-        assert one["count"] > 0
+    for accessor in scene["accessors"]:
+        assert accessor["count"] > 0
     assert ("COLOR_0" in scene["meshes"][0]["primitives"][0]["attributes"]) == coloured

@@ -104,10 +104,10 @@ def test_the_joined_skin_has_no_step(fit):
 def test_the_rotation_of_the_back_and_the_curve_are_those_of_the_whole_body(fit, whole):
     """At the same heights: levels are not known of a line."""
     marks = fit.case.landmarks_before
-    truth, found = (back_surface_rotation(skin, marks) for skin in (whole.skin, fit.case.skin))
+    truth, of_fit = (back_surface_rotation(skin, marks) for skin in (whole.skin, fit.case.skin))
     for level in VERTEBRAE[5:15]:
-        one, other = not_none(found[level]), not_none(truth[level])
-        assert one.angle == pytest.approx(other.angle, abs=1.0), level
+        tangent, other = not_none(of_fit[level]), not_none(truth[level])
+        assert tangent.angle == pytest.approx(other.angle, abs=1.0), level
     main = max(cobb_angles(marks), key=lambda curve: curve.angle)
     assert main.angle == pytest.approx(50.0, abs=3.0)
     assert (main.upper, main.lower) == ("T5", "T12")
@@ -121,7 +121,7 @@ def test_bones_lie_inside_and_vertebrae_are_rigid_with_ribs_on_them(fit):
     for name, bone in bones.items():
         assert distance.at(bone.vertices).max() < -2.0, name
         if name in VERTEBRAE:
-            spread = [np.linalg.norm(one.vertices - one.vertices.mean(axis=0)) for one in (straight[name], bone)]
+            spread = [np.linalg.norm(b.vertices - b.vertices.mean(axis=0)) for b in (straight[name], bone)]
             size = spread[1] / spread[0]
             assert 0.79 < size < 1.16, name
             same = size * straight[name].vertices
@@ -141,7 +141,7 @@ def test_what_is_invented_is_read_back_with_the_case(fit, tmp_path):
 
 def test_landmarks_of_films_leave_less_to_invent(scan, whole):
     fit = fit_back(scan[0], spine_of_marks(whole.landmarks_before), scan[2])
-    found = fit.case.landmarks_before
-    off = np.linalg.norm(found.points - whole.landmarks_before.points, axis=1)
-    assert off[["asis" not in name for name in found.names]].mean() < 2.0
+    marks = fit.case.landmarks_before
+    off = np.linalg.norm(marks.points - whole.landmarks_before.points, axis=1)
+    assert off[["asis" not in name for name in marks.names]].mean() < 2.0
     assert not_none(fit.case.invented).vertebral_turn < 6.0

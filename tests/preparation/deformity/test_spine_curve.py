@@ -42,20 +42,20 @@ def tilts(posed: np.ndarray) -> np.ndarray:
     return np.degrees(np.arctan2(axis[:, 0], axis[:, 2]))
 
 
-def between(found: np.ndarray, upper: str, lower: str) -> float:
+def between(tilt: np.ndarray, upper: str, lower: str) -> float:
     """Angle between the most tilted bodies from one vertebra down to another [deg]."""
-    return float(np.ptp(found[VERTEBRAE.index(upper) : VERTEBRAE.index(lower) + 1]))
+    return float(np.ptp(tilt[VERTEBRAE.index(upper) : VERTEBRAE.index(lower) + 1]))
 
 
 @pytest.mark.parametrize("direction", ["right", "left"])
 @pytest.mark.parametrize("cobb", [15.0, 60.0, 80.0])
 @pytest.mark.parametrize("kind", KINDS)
 def test_cobb_angle_is_the_one_asked_for(kind: Any, cobb: float, direction: Any) -> None:
-    found = tilts(pose_landmarks(SpineCurve(kind=kind, cobb=cobb, direction=direction)))
-    assert np.ptp(found) == pytest.approx(cobb, abs=1.0)
+    tilt = tilts(pose_landmarks(SpineCurve(kind=kind, cobb=cobb, direction=direction)))
+    assert np.ptp(tilt) == pytest.approx(cobb, abs=1.0)
     if kind == "thoracic":  # shares of the curves above and below: 0.43 ± 0.13 and 0.54 ± 0.14 in patients
-        assert between(found, "T1", "T5") == pytest.approx(0.43 * cobb, abs=0.03 * cobb)
-        assert between(found, "T12", "L5") == pytest.approx(0.54 * cobb, abs=0.05 * cobb)
+        assert between(tilt, "T1", "T5") == pytest.approx(0.43 * cobb, abs=0.03 * cobb)
+        assert between(tilt, "T12", "L5") == pytest.approx(0.54 * cobb, abs=0.05 * cobb)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -111,9 +111,9 @@ def test_t1_comes_to_stand_where_it_is_asked_for(direction: Any) -> None:
 
 
 def test_secondary_curves_have_the_shares_asked_for() -> None:
-    found = tilts(pose_landmarks(SpineCurve(cobb=60.0, upper_share=0.6, lower_share=0.3)))
-    assert between(found, "T1", "T5") == pytest.approx(36.0, abs=0.5)
-    assert between(found, "T12", "L4") == pytest.approx(18.0, abs=3.0)
+    tilt = tilts(pose_landmarks(SpineCurve(cobb=60.0, upper_share=0.6, lower_share=0.3)))
+    assert between(tilt, "T1", "T5") == pytest.approx(36.0, abs=0.5)
+    assert between(tilt, "T12", "L4") == pytest.approx(18.0, abs=3.0)
 
 
 @pytest.mark.parametrize(
@@ -162,12 +162,12 @@ def written(folder: Path, levels: tuple[str, ...] = VERTEBRAE, edit: str = "") -
 
 
 def test_curve_is_found_again_in_its_points(tmp_path: Path) -> None:
-    found = vertebra_poses(STRAIGHT, read_measured_spine(written(tmp_path)))
+    poses = vertebra_poses(STRAIGHT, read_measured_spine(written(tmp_path)))
     true = vertebra_poses(STRAIGHT, CURVE)
     for level in VERTEBRAE[1:-1]:
-        assert np.degrees(found[level].tilt - true[level].tilt) == pytest.approx(0.0, abs=3.0), level
-        assert np.degrees(found[level].rotation - true[level].rotation) == pytest.approx(0.0, abs=3.0), level
-    apart = [found[level].after - true[level].after for level in VERTEBRAE]
+        assert np.degrees(poses[level].tilt - true[level].tilt) == pytest.approx(0.0, abs=3.0), level
+        assert np.degrees(poses[level].rotation - true[level].rotation) == pytest.approx(0.0, abs=3.0), level
+    apart = [poses[level].after - true[level].after for level in VERTEBRAE]
     assert np.linalg.norm(apart, axis=1).max() < 6.0
 
 

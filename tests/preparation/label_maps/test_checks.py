@@ -146,7 +146,7 @@ def test_bones_that_the_image_ends_in_are_named():
     assert doubts_of_image(masks, None, {}) == ["The image ends in T1: only the parts that it shows are there."]
 
 
-KNOWN = {
+NAMES_OF_OTHERS = {
     "vertebrae_T8": "T8",
     "vertebrae_S1": "sacrum",
     "rib_left_1": "rib_left_01",
@@ -170,9 +170,9 @@ STRANGE = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("theirs", "ours"), KNOWN.items())
-def test_a_bone_is_known_by_the_names_of_others(theirs, ours):
-    assert known_name(theirs) == ours
+@pytest.mark.parametrize(("name", "ours"), NAMES_OF_OTHERS.items())
+def test_a_bone_is_known_by_the_names_of_others(name, ours):
+    assert known_name(name) == ours
 
 
 @pytest.mark.parametrize("name", STRANGE)

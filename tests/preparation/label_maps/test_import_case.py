@@ -49,11 +49,11 @@ def test_bones_have_their_names_and_places(made):
 
 def test_landmarks_are_those_of_the_true_bones(made):
     true = find_landmarks(bones()).complete()
-    found = made.case.landmarks_before
-    assert set(found.names) == set(true.names)
-    off = [np.linalg.norm(found.point(name) - true.point(name)) for name in true.names]
+    marks = made.case.landmarks_before
+    assert set(marks.names) == set(true.names)
+    off = [np.linalg.norm(marks.point(name) - true.point(name)) for name in true.names]
     assert np.mean(off[:-2]) < 0.7  # the fronts of these hip bones are flat, so that spines are anywhere on them
-    assert len(made.found.vertebrae) == len(LEVELS)
+    assert len(made.landmarks.vertebrae) == len(LEVELS)
     assert made.case.posture == "supine"
 
 
@@ -82,7 +82,7 @@ SAME: dict[str, Callable[[Path], Path]] = {
 def test_every_form_of_a_label_map_gives_the_same_bones(made, files, tmp_path, form):
     source = read_source(SAME[form](tmp_path))
     own_body = form == "masks"
-    assert (source.left_over, source.empty) == ((["spleen"], ["T9"]) if own_body else ([], []))
+    assert (source.ignored, source.empty) == ((["spleen"], ["T9"]) if own_body else ([], []))
     again = import_case(source, None if own_body else read_body(files[1]), "a", QUICK)
     assert list(again.case.bones) == list(made.case.bones)
     for name, bone in made.case.bones.items():
@@ -115,7 +115,7 @@ def test_surfaces_by_names_of_others(made, tmp_path):
     write_surface(tmp_path / "spleen.ply", made.case.skin)
     again = import_case(read_source(tmp_path), None, "a", QUICK)
     assert set(again.case.bones) == set(bones())
-    assert len(again.found.vertebrae) == len(LEVELS)
+    assert len(again.landmarks.vertebrae) == len(LEVELS)
 
 
 def test_a_vertebra_that_the_image_ends_in_has_no_landmarks(files, tmp_path):
@@ -124,7 +124,7 @@ def test_a_vertebra_that_the_image_ends_in_has_no_landmarks(files, tmp_path):
     height = (inside[:, 2].min() + inside[:, 2].max()) // 2
     write_labels(tmp_path / "a.nii.gz", values[:, :, :height], affine)
     made = import_case(read_source(tmp_path / "a.nii.gz", "totalsegmentator-v2"), read_body(files[1]), "a", QUICK)
-    assert made.found.unsure == {"T5": "the image ends in it, so that only a part is there"}
+    assert made.landmarks.unsure == {"T5": "the image ends in it, so that only a part is there"}
     assert "T5" in made.case.bones
     assert len(made.case.landmarks_before.names) == 3 * len(VERTEBRA_POINTS) + 2
 

@@ -228,8 +228,8 @@ def truth() -> np.ndarray:
     return np.linalg.norm(SKIN.vertices, axis=1) - reach - SKIN_THICKNESS
 
 
-def off(found: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-    thickness, measured = found
+def off(measured_fat: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    thickness, measured = measured_fat
     assert measured.all()
     return np.abs(thickness - truth())
 

@@ -29,12 +29,12 @@ def known_spine() -> Landmarks:
 
 
 def test_points_of_a_vertebra_of_known_shape() -> None:
-    found = find_landmarks(skeleton()).complete()
-    assert found.names == (*(f"T7_{point}" for point in VERTEBRA_POINTS), "asis_left", "asis_right")
-    np.testing.assert_allclose(found.points[:2], [[0, -45, 520], [0, -45, 500]], atol=0.1)
+    marks = find_landmarks(skeleton()).complete()
+    assert marks.names == (*(f"T7_{point}" for point in VERTEBRA_POINTS), "asis_left", "asis_right")
+    np.testing.assert_allclose(marks.points[:2], [[0, -45, 520], [0, -45, 500]], atol=0.1)
     for side, sign in (("left", 1.0), ("right", -1.0)):
         for end, height in (("superior", 518.0), ("inferior", 510.0)):
-            x, y, z = found.point(f"T7_{side}_pedicle_{end}")
+            x, y, z = marks.point(f"T7_{side}_pedicle_{end}")
             assert sign * x == pytest.approx(11.0, abs=0.2)
             assert -30.0 < y < -18.0
             assert z == pytest.approx(height, abs=0.2)
@@ -49,9 +49,9 @@ def imposed(
     return curved, correct(straight, curve, 0.0), poses
 
 
-def rotation_off(found: Landmarks, truth: Landmarks, left: np.ndarray) -> float:
+def rotation_off(measured: Landmarks, truth: Landmarks, left: np.ndarray) -> float:
     """Largest error of a vertebra's axial rotation [degrees]."""
-    turned, right = (axial_rotation(spine_of(marks), left) for marks in (found, truth))
+    turned, right = (axial_rotation(spine_of(marks), left) for marks in (measured, truth))
     return max(abs((turned[name] or 0.0) - (right[name] or 0.0)) for name in turned)
 
 
@@ -65,15 +65,15 @@ def rotation_off(found: Landmarks, truth: Landmarks, left: np.ndarray) -> float:
     ids=lambda curve: curve.kind,
 )
 def test_curved_spine_of_known_landmarks(curve: SpineCurve) -> None:
-    curved, known, poses = imposed(SPINE, known_spine(), curve)
-    found = find_landmarks(curved).complete()
+    curved, truth, poses = imposed(SPINE, known_spine(), curve)
+    marks = find_landmarks(curved).complete()
     turns = np.array([poses[name].matrix for name in VERTEBRAE])
-    off = np.einsum("vpi,vij->vpj", (found.points[:-2] - known.points).reshape(-1, 6, 3), turns)
+    off = np.einsum("vpi,vij->vpj", (marks.points[:-2] - truth.points).reshape(-1, 6, 3), turns)
     assert np.abs(off[:, :2]).max() < 0.3
     assert np.abs(off[:, 2:, [0, 2]]).max() < 0.3
     assert off[:, 2:, 1].min() > -1.0  # anywhere along the pedicle, which is 10 mm long
     assert off[:, 2:, 1].max() < 9.0
-    assert rotation_off(Landmarks(known.names, found.points[:-2]), known, np.array([1.0, 0.0])) < 0.7
+    assert rotation_off(Landmarks(truth.names, marks.points[:-2]), truth, np.array([1.0, 0.0])) < 0.7
 
 
 def test_iliac_spine_is_not_the_pubis() -> None:
@@ -85,13 +85,13 @@ def test_iliac_spine_is_not_the_pubis() -> None:
 
 
 def test_missing_bones_are_named_and_the_others_found() -> None:
-    found = find_landmarks({name: bone for name, bone in SOME.items() if name not in ("hip_right", "T7")})
-    assert set(found.unsure) == {"T7", "asis_left", "asis_right"}
-    assert "between T5 and T9" in found.unsure["T7"]
-    assert "'hip_right' is missing" in found.unsure["asis_left"]
-    assert found.landmarks.vertebrae() == ("T5", "T6", "T8", "T9")
+    landmarks = find_landmarks({name: bone for name, bone in SOME.items() if name not in ("hip_right", "T7")})
+    assert set(landmarks.unsure) == {"T7", "asis_left", "asis_right"}
+    assert "between T5 and T9" in landmarks.unsure["T7"]
+    assert "'hip_right' is missing" in landmarks.unsure["asis_left"]
+    assert landmarks.landmarks.vertebrae() == ("T5", "T6", "T8", "T9")
     with pytest.raises(InputError, match=r"no landmarks on 'T7'.*no surface"):
-        found.complete()
+        landmarks.complete()
     with pytest.raises(InputError, match="any of T1 to L5 is missing"):
         find_landmarks({name: bone for name, bone in skeleton().items() if name != "T7"})
 
@@ -126,26 +126,26 @@ NO_CANAL = (*VERTEBRA, ((-16, -30, 0), (16, -10, 20)))
     ids=["one pedicle", "no arch", "no canal", "fused", "hole", "two pieces"],
 )
 def test_vertebra_that_cannot_be_told_is_named_and_the_others_found(broken: Surface, reason: str) -> None:
-    found = find_landmarks({**SOME, "T7": broken})
-    assert reason in found.unsure["T7"]
-    assert list(found.unsure) == ["T7"]
-    assert list(found.vertebrae) == ["T5", "T6", "T8", "T9"]
+    landmarks = find_landmarks({**SOME, "T7": broken})
+    assert reason in landmarks.unsure["T7"]
+    assert list(landmarks.unsure) == ["T7"]
+    assert list(landmarks.vertebrae) == ["T5", "T6", "T8", "T9"]
 
 
 def test_exchanged_names_are_told() -> None:
-    found = find_landmarks({**SOME, "T7": SPINE["T8"], "T8": SPINE["T7"]})
-    assert set(found.unsure) == {"T7", "T8"}
-    assert "names exchanged" in found.unsure["T7"]
+    landmarks = find_landmarks({**SOME, "T7": SPINE["T8"], "T8": SPINE["T7"]})
+    assert set(landmarks.unsure) == {"T7", "T8"}
+    assert "names exchanged" in landmarks.unsure["T7"]
 
 
 def test_real_anatomy() -> None:
-    (_, bones), found = anatomy(), anatomy_landmarks()
-    assert len(found.names) == 17 * 6 + 2
-    for name, point in zip(found.names, found.points, strict=True):
+    (_, bones), marks = anatomy(), anatomy_landmarks()
+    assert len(marks.names) == 17 * 6 + 2
+    for name, point in zip(marks.names, marks.points, strict=True):
         if "pedicle" not in name:  # those lie on the outline of the pedicle, or within the root of a process
             bone = bones[bone_of(name, bones) or ""]
             assert abs(SurfaceDistance(bone).at(point[None])[0]) < 0.05, name
-    left, right = found.point("asis_left"), found.point("asis_right")
+    left, right = marks.point("asis_left"), marks.point("asis_right")
     assert 200.0 < left[0] - right[0] < 320.0
     # above the hip joints, below the top of the crest
     assert 60.0 < left[2] - bones["hip_left"].vertices[:, 2].min() < 180.0
@@ -168,11 +168,12 @@ CURVES = (
 def test_curves_imposed_on_real_anatomy(curve: SpineCurve) -> None:
     bones = {name: anatomy()[1][name] for name in (*VERTEBRAE, *ASIS.values())}  # those with landmarks
     curved, truth, _ = imposed(bones, anatomy_landmarks(), curve)
-    found = find_landmarks(curved)
-    known = Landmarks(found.landmarks.names, np.array([truth.point(name) for name in found.landmarks.names]))
-    off = np.linalg.norm(found.landmarks.points - known.points, axis=1)
-    assert not found.unsure
+    landmarks = find_landmarks(curved)
+    names = landmarks.landmarks.names
+    true_marks = Landmarks(names, np.array([truth.point(name) for name in names]))
+    off = np.linalg.norm(landmarks.landmarks.points - true_marks.points, axis=1)
+    assert not landmarks.unsure
     assert off.mean() <= 1.0
     assert np.percentile(off, 95.0) <= 2.5
     assert off.max() <= 4.0
-    assert rotation_off(found.landmarks, known, asis_axis(known)) <= 2.0
+    assert rotation_off(landmarks.landmarks, true_marks, asis_axis(true_marks)) <= 2.0

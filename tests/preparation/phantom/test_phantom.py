@@ -80,11 +80,11 @@ def test_bones_and_landmarks_are_mirror_images():
 
 def test_a_tube_of_circles_is_a_cylinder_with_cones():
     z = np.array([0.0, 3.0, 13.0, 16.0])
-    ones = np.ones((4, 1))
+    column = np.ones((4, 1))
     surface = tube(
         z[:, None] * [0.0, 0.0, 1.0],
-        ones * [1.0, 0.0, 0.0],
-        ones * [0.0, 1.0, 0.0],
+        column * [1.0, 0.0, 0.0],
+        column * [0.0, 1.0, 0.0],
         np.full(4, 5.0),
         np.full(4, 5.0),
         around=100,

@@ -31,9 +31,9 @@ def changed(film: Film, **places: list[float] | np.ndarray) -> Film:
     return replace(film, points=points)
 
 
-def swapped(film: Film, one: str, other: str) -> Film:
-    i, j = film.names.index(one), film.names.index(other)
-    return changed(film, **{one: film.points[j], other: film.points[i]})
+def swapped(film: Film, name: str, other: str) -> Film:
+    i, j = film.names.index(name), film.names.index(other)
+    return changed(film, **{name: film.points[j], other: film.points[i]})
 
 
 def test_a_matrix_projects_along_rays_to_the_film() -> None:
@@ -46,19 +46,19 @@ def test_a_matrix_projects_along_rays_to_the_film() -> None:
 
 def test_exact_films_give_the_exact_points_in_any_scale_of_their_matrices(landmarks) -> None:
     pa, lateral = biplanar(landmarks)
-    found = triangulate(pa, replace(lateral, projection=-3.7 * lateral.projection))
-    assert np.abs(found.landmarks.points - landmarks.points).max() < 1e-7
-    assert found.miss.max() < 1e-7
-    assert found.noise < 1e-7
+    made = triangulate(pa, replace(lateral, projection=-3.7 * lateral.projection))
+    assert np.abs(made.landmarks.points - landmarks.points).max() < 1e-7
+    assert made.miss.max() < 1e-7
+    assert made.noise < 1e-7
 
 
 def test_errors_are_as_large_as_the_uncertainty_says(landmarks) -> None:
     errors, said, noises = [], [], []
     for seed in range(6):
-        found = triangulate(*biplanar(landmarks, noise=0.8, seed=seed))
-        errors.append(found.landmarks.points - landmarks.points)
-        said.append(found.uncertainty)
-        noises.append(found.noise)
+        made = triangulate(*biplanar(landmarks, noise=0.8, seed=seed))
+        errors.append(made.landmarks.points - landmarks.points)
+        said.append(made.uncertainty)
+        noises.append(made.noise)
     # 6 x 104 landmarks: 3 % of statistical error
     spread, expected = (
         np.sqrt(np.mean(np.square(errors), axis=(0, 1))),
@@ -69,8 +69,8 @@ def test_errors_are_as_large_as_the_uncertainty_says(landmarks) -> None:
 
 
 def test_one_millimetre_on_the_film_gives_less_than_the_papers_error_in_space(landmarks) -> None:
-    found = triangulate(*biplanar(landmarks, noise=1.0), limit=6.0)
-    assert np.linalg.norm(found.landmarks.points - landmarks.points, axis=1).mean() < 2.1
+    made = triangulate(*biplanar(landmarks, noise=1.0), limit=6.0)
+    assert np.linalg.norm(made.landmarks.points - landmarks.points, axis=1).mean() < 2.1
 
 
 def behind(pa: Film, lateral: Film, landmarks: Landmarks) -> tuple[Film, Film]:
@@ -79,8 +79,8 @@ def behind(pa: Film, lateral: Film, landmarks: Landmarks) -> tuple[Film, Film]:
     points = landmarks.points.copy()
     row = landmarks.names.index(name)
     points[row, 1] = 300.0 - np.linalg.solve(pa.projection[:, :3], pa.projection[:, 3])[1]
-    one, other = (changed(film, **{name: project(film.projection, points)[row]}) for film in (pa, lateral))
-    return one, other
+    changed_pa, other = (changed(film, **{name: project(film.projection, points)[row]}) for film in (pa, lateral))
+    return changed_pa, other
 
 
 PAIR = "L3_left_pedicle_superior", "L3_right_pedicle_superior"
@@ -146,9 +146,9 @@ def test_an_affine_patient_gets_bones_that_are_affine_images() -> None:
 def test_left_out_errors_follow_from_the_whole_system(nugget: float) -> None:
     # e_i = w_i / (A^-1)_ii, without leaving anything out (Dubrule 1983)
     bones, landmarks = atlas()
-    fit, there = fit_atlas(bones, landmarks, patient(3.0), nugget=nugget), patient(3.0)
+    fit, moved = fit_atlas(bones, landmarks, patient(3.0), nugget=nugget), patient(3.0)
     rows = [i for i, name in enumerate(landmarks.names) if name.startswith("T8_")]
-    x, u = landmarks.points[rows], there.points[rows] - landmarks.points[rows]
+    x, u = landmarks.points[rows], moved.points[rows] - landmarks.points[rows]
     # the nugget belongs to the patient's scale: the bone is turned first, which changes no distance
     A = np.zeros((10, 10))
     A[:6, :6] = np.linalg.norm(x[:, None] - x[None], axis=2) - nugget * np.eye(6)
@@ -168,19 +168,19 @@ def test_a_landmark_the_patient_has_not_is_named() -> None:
 
 def test_with_skins_ribs_are_fitted_under_the_skin_of_a_wider_chest() -> None:
     skin, bones, landmarks = straight_trunk()
-    kept = {name: bone for name, bone in bones.items() if name.startswith(("T", "L", "rib", "sternum"))}
+    cage = {name: bone for name, bone in bones.items() if name.startswith(("T", "L", "rib", "sternum"))}
     wide = [1.25, 1.2, 1.0]
-    there = Landmarks(landmarks.names, landmarks.points.copy())  # the spine is as it was; only the cage grows
+    grown = Landmarks(landmarks.names, landmarks.points.copy())  # the spine is as it was; only the cage grows
     trunk = Surface(skin.vertices * wide, skin.faces)
-    ribs = [name for name in kept if name.startswith("rib")]
+    ribs = [name for name in cage if name.startswith("rib")]
     errors = {}
     for what, skins in (("without", None), ("with", (skin, trunk))):
-        fit = fit_atlas(kept, landmarks, there, skins=skins)
+        fit = fit_atlas(cage, landmarks, grown, skins=skins)
         errors[what] = np.mean(
-            [np.linalg.norm(fit.bones[name].vertices - kept[name].vertices * wide, axis=1).mean() for name in ribs]
+            [np.linalg.norm(fit.bones[name].vertices - cage[name].vertices * wide, axis=1).mean() for name in ribs]
         )
     assert errors["with"] < 0.5 * errors["without"]
-    assert set(fit.depth) == set(kept)
+    assert set(fit.depth) == set(cage)
     assert min(fit.depth.values()) > 0.0
 
 
@@ -198,24 +198,24 @@ def bent(points: np.ndarray) -> np.ndarray:
 
 def test_an_affine_change_bends_nothing() -> None:
     stretch = np.array([1.1, 0.95, 1.0])
-    there = AWAY.apply(ON_SKIN.points * stretch) + SHIFT
-    found = register_skin(SKIN, ON_SKIN, Landmarks(NAMES, there))
-    np.testing.assert_allclose(found.skin.vertices, AWAY.apply(SKIN.vertices * stretch) + SHIFT, atol=1e-8)
-    np.testing.assert_allclose(found.strain, [0.1, 0.0, -0.05], atol=1e-9)
-    assert found.bending.max() < 1e-8
-    assert found.rigid_miss.max() > 5.0
-    assert found.least_volume == pytest.approx(stretch.prod())
+    carried = AWAY.apply(ON_SKIN.points * stretch) + SHIFT
+    registered = register_skin(SKIN, ON_SKIN, Landmarks(NAMES, carried))
+    np.testing.assert_allclose(registered.skin.vertices, AWAY.apply(SKIN.vertices * stretch) + SHIFT, atol=1e-8)
+    np.testing.assert_allclose(registered.strain, [0.1, 0.0, -0.05], atol=1e-9)
+    assert registered.bending.max() < 1e-8
+    assert registered.rigid_miss.max() > 5.0
+    assert registered.least_volume == pytest.approx(stretch.prod())
 
 
 def test_a_lean_is_met_at_the_markers_and_nearly_between_them() -> None:
     order = np.random.default_rng(2).permutation(len(NAMES))
-    there = AWAY.apply(bent(ON_SKIN.points)) + SHIFT
-    shuffled = Landmarks(tuple(NAMES[i] for i in order), there[order])
-    found = register_skin(SKIN, ON_SKIN, shuffled)
-    assert found.miss.max() < 1e-8
-    assert found.bending.max() > 1.0
-    off = np.linalg.norm(found.skin.vertices - AWAY.apply(bent(SKIN.vertices)) - SHIFT, axis=1)
-    assert off.max() < 0.2 * found.rigid_miss.max()
+    carried = AWAY.apply(bent(ON_SKIN.points)) + SHIFT
+    shuffled = Landmarks(tuple(NAMES[i] for i in order), carried[order])
+    registered = register_skin(SKIN, ON_SKIN, shuffled)
+    assert registered.miss.max() < 1e-8
+    assert registered.bending.max() > 1.0
+    off = np.linalg.norm(registered.skin.vertices - AWAY.apply(bent(SKIN.vertices)) - SHIFT, axis=1)
+    assert off.max() < 0.2 * registered.rigid_miss.max()
 
 
 def test_a_fold_is_refused_and_placed() -> None:

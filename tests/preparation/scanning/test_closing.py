@@ -108,8 +108,8 @@ def test_cuts_asked_for(phantom):
 
 @pytest.mark.parametrize("isotropic", [False, True])
 def test_shifted_views_come_back(phantom, isotropic):
-    given = {"shift": 3.0, "turn": 1.0, "noise": 0.5, "isotropic": isotropic, "overlap": 25.0}
-    scans = scan(phantom, unseen=flat_ends(phantom), seed=4, **given)
+    errors = {"shift": 3.0, "turn": 1.0, "noise": 0.5, "isotropic": isotropic, "overlap": 25.0}
+    scans = scan(phantom, unseen=flat_ends(phantom), seed=4, **errors)
     aligned, moves = align_parts(scans.parts)
     assert list(moves) == list(scans.parts)[1:]
     for name, move in moves.items():
@@ -144,9 +144,9 @@ def test_bad_parts_are_refused_in_one_line(phantom):
         ({"a": Surface(part.vertices / 1000.0, part.faces)}, "a: the parts together extend over 0.5"),
         (changed(parts, "view_2.ply", vertices=part.vertices - [500.0, 0.0, 0.0]), "view_2.ply: is "),
     ]
-    for given, says in cases:
+    for scans, says in cases:
         with refuses(says):
-            check_parts(given)
+            check_parts(scans)
 
 
 def test_parts_without_overlap_cannot_be_refined(phantom):

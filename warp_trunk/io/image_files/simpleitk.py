@@ -42,7 +42,7 @@ def open_nrrd(path: Path) -> Stored:
     shape = ((count,) if count > 1 else ()) + image.GetSize()
     names = _segments({key: image.GetMetaData(key) for key in image.GetMetaDataKeys()}, count)
     # `image` is captured with the view: its memory is freed with the image
-    return Stored(lambda part, _kept=image: voxels[part].T, shape, affine, names)
+    return Stored(lambda part, _image=image: voxels[part].T, shape, affine, names)
 
 
 def _check_header(path: Path) -> None:
@@ -112,7 +112,7 @@ def open_series(folder: Path) -> Stored:
     except RuntimeError as error:
         raise RuntimeError(_last_words(error)) from error
     voxels = package.GetArrayViewFromImage(image)
-    return Stored(lambda part, _kept=image: voxels[part].T, image.GetSize(), affine)
+    return Stored(lambda part, _image=image: voxels[part].T, image.GetSize(), affine)
 
 
 def _affine(package: Any, files: tuple[str, ...]) -> np.ndarray:

@@ -116,22 +116,22 @@ def _colours(part: Any, scene: dict[str, Any], move: np.ndarray | None) -> np.nd
         scene: the file's own.
         move: of the places in its picture (`_texture_moves`).
     """
-    found, visual = np.full((len(part.vertices), 3), np.nan), part.visual
+    colours, visual = np.full((len(part.vertices), 3), np.nan), part.visual
     linear = "trimesh" not in scene.get("asset", {}).get("generator", "")  # which writes them as they are
     if visual.kind == "texture" and getattr(visual.material, "baseColorTexture", None) is not None:
-        uv = np.zeros((len(found), 2)) if visual.uv is None else np.asarray(visual.uv)
+        uv = np.zeros((len(colours), 2)) if visual.uv is None else np.asarray(visual.uv)
         if move is not None:
             down = uv * [1.0, -1.0] + [0.0, 1.0]  # trimesh counts from the lower left corner
             uv = (down @ move[:, :2].T + move[:, 2]) * [1.0, -1.0] + [0.0, 1.0]
         seen = corner_colours(uv[part.faces], material_of(visual)).reshape(-1, 3)
-        found = mean_colours(seen, part.faces.reshape(-1), len(found))
+        colours = mean_colours(seen, part.faces.reshape(-1), len(colours))
         if (own := visual.vertex_attributes.get("color")) is not None:
             own = own[:, :3] / (np.iinfo(own.dtype).max if own.dtype.kind == "u" else 1.0)
-            found = found * (from_linear(own) if linear else own)
+            colours = colours * (from_linear(own) if linear else own)
     elif visual.kind == "vertex" and _readable_colours(scene):
-        found = np.asarray(visual.vertex_colors, dtype=np.float64)[:, :3]
-        found = from_linear(found / 255.0) * 255.0 if linear else found
-    return found
+        colours = np.asarray(visual.vertex_colors, dtype=np.float64)[:, :3]
+        colours = from_linear(colours / 255.0) * 255.0 if linear else colours
+    return colours
 
 
 def _primitives(scene: dict[str, Any]) -> list[dict[str, Any]]:

@@ -31,9 +31,9 @@ def skin_glb(before: Surface, after: Surface | None, names: tuple[str, str], *, 
     from trimesh.visual import TextureVisuals
     from trimesh.visual.material import PBRMaterial
 
-    ends = [one for one in (before, after) if one is not None]
-    places = [one.vertices / 1000.0 @ _AXES.T for one in ends]
-    normals = [vertex_normals(one) @ _AXES.T for one in ends]
+    ends = [surface for surface in (before, after) if surface is not None]
+    places = [surface.vertices / 1000.0 @ _AXES.T for surface in ends]
+    normals = [vertex_normals(surface) @ _AXES.T for surface in ends]
     mesh = trimesh.Trimesh(places[0], before.faces, vertex_normals=normals[0], process=False)
     colours = None if plain else before.colours
     base = _CLAY if colours is None else [1.0, 1.0, 1.0, 1.0]
@@ -63,7 +63,7 @@ def skin_glb(before: Surface, after: Surface | None, names: tuple[str, str], *, 
             }
         ]
         shape |= {_WEIGHTS: [0.0], "extras": {"targetNames": [names[1]]}}
-        node = next(number for number, one in enumerate(tree["nodes"]) if "mesh" in one)
+        node = next(number for number, item in enumerate(tree["nodes"]) if "mesh" in item)
         times = np.array([0.0, 1.0])
         sampler = {"input": add("times", SECONDS * times, "SCALAR"), "output": add(_WEIGHTS, times, "SCALAR")}
         channel = {"sampler": 0, "target": {"node": node, "path": _WEIGHTS}}

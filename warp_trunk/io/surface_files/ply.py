@@ -34,11 +34,11 @@ def ply_columns(content: bytes) -> _Columns:
     Raises:
         FormatError: no such header, or other data than it says.
     """
-    found = re.match(rb"ply\r?\n(.*?)\nend_header[ \t]*\r?\n", content, re.DOTALL)
-    if found is None:
+    header = re.match(rb"ply\r?\n(.*?)\nend_header[ \t]*\r?\n", content, re.DOTALL)
+    if header is None:
         raise FormatError("the header of a PLY, with its end, was expected")
-    order, elements = _header(found[1].decode("ascii", errors="replace"))
-    body = content[found.end() :]
+    order, elements = _header(header[1].decode("ascii", errors="replace"))
+    body = content[header.end() :]
     said = sum(count for _, count, _ in elements)
     if said > len(body):  # each takes a byte at least
         raise FormatError(f"the header says {said} elements, the file has {len(content)} bytes")
@@ -46,8 +46,8 @@ def ply_columns(content: bytes) -> _Columns:
         body = numbers(body.split()).tobytes()
     at, columns = 0, {}
     for name, count, properties in elements:
-        found, at = _columns(body, at, count, properties)
-        columns[name] = found if count else {}
+        header, at = _columns(body, at, count, properties)
+        columns[name] = header if count else {}
     if at != len(body):
         raise FormatError(f"{len(body) - at} bytes more follow than its header says")
     return columns

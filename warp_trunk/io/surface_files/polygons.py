@@ -82,9 +82,9 @@ def read_obj(content: bytes, path: Path | None = None) -> tuple[np.ndarray, np.n
                 shown.append(in_picture - 1 if in_picture > 0 else max(len(places) + in_picture, -1))
             ends.append(len(corners))
     points, last = np.array(vertices, dtype=np.float64), np.array(ends)
-    faces, found = fans(np.array(corners, dtype=np.int64), last), None
+    faces, mixed = fans(np.array(corners, dtype=np.int64), last), None
     if colours and len(colours) == len(vertices):
-        found = np.array(colours)
+        mixed = np.array(colours)
     elif path is not None and libraries and places and (materials := read_materials(path, libraries)):
         named = fans(np.array(shown, dtype=np.int64), last)  # in the picture; -1 and what is missing, nowhere
         in_picture = np.array([*places, [np.nan, np.nan]])[np.minimum(named, len(places))]
@@ -94,8 +94,8 @@ def read_obj(content: bytes, path: Path | None = None) -> tuple[np.ndarray, np.n
             part = slice(triangles[first], triangles[after])
             if name in materials:
                 seen[part] = corner_colours(in_picture[part], materials[name])
-        found = mean_colours(seen.reshape(-1, 3), faces.reshape(-1), len(points))
-    return points, faces, found
+        mixed = mean_colours(seen.reshape(-1, 3), faces.reshape(-1), len(points))
+    return points, faces, mixed
 
 
 def _index(text: str) -> int:

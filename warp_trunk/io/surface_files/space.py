@@ -24,12 +24,12 @@ def stated_space(ending: str, content: bytes) -> str | None:
     Raises:
         FormatError: it states other axes, or two different ones.
     """
-    found = re.findall(_WORD, _header(ending, content).decode("latin-1").upper())
+    words = re.findall(_WORD, _header(ending, content).decode("latin-1").upper())
     if ending == ".vtk":
-        found += [name.decode("ascii").upper() for name in re.findall(_FIELD, content)]
+        words += [name.decode("ascii").upper() for name in re.findall(_FIELD, content)]
     elif ending in (".vtp", ".vtu") and b'"SPACE"' in content:
-        found += [text.strip().upper() for text in xml_text(content, "SPACE")]
-    spaces = {str(_NAMES.get(name, name)) for name in found}
+        words += [text.strip().upper() for text in xml_text(content, "SPACE")]
+    spaces = {str(_NAMES.get(name, name)) for name in words}
     if spaces - {"LPS", "RAS"} or len(spaces) > 1:
         raise FormatError(f"its header says SPACE={' and '.join(sorted(spaces))}, and LPS or RAS was expected")
     return spaces.pop() if spaces else None

@@ -51,18 +51,18 @@ def surface_files(folder: Path, stem: str | None = None) -> dict[str, Path]:
     Raises:
         InputError: two files of one name.
     """
-    found: dict[str, Path] = {}
+    files: dict[str, Path] = {}
     for path in sorted(folder.iterdir()) if folder.is_dir() else ():
         ours = path.is_file() and path.suffix.lower() in ENDINGS and not path.name.startswith(".")
         if not ours or (stem is not None and path.stem != stem):
             continue
-        if path.stem in found:
+        if path.stem in files:
             raise InputError(
-                f"{path}: there is {found[path.stem].name} beside it; give '{path.stem}' in one file "
+                f"{path}: there is {files[path.stem].name} beside it; give '{path.stem}' in one file "
                 "and remove the other"
             )
-        found[path.stem] = path
-    return found
+        files[path.stem] = path
+    return files
 
 
 def read_surface(path: str | Path) -> Surface:

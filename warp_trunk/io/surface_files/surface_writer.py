@@ -47,8 +47,8 @@ def write_surface(path: str | Path, surface: Surface, space: str | None = "LPS")
 def check_written(path: Path) -> None:
     """InputError where a name's ending is none that is written, or it cannot be written there."""
     if path.suffix.lower() not in WRITTEN:
-        known = ", ".join(WRITTEN)
-        raise InputError(f"{path}: a surface cannot be written as '{path.suffix}'; end the name in one of {known}")
+        cure = f"end the name in one of {', '.join(WRITTEN)}"
+        raise InputError(f"{path}: a surface cannot be written as '{path.suffix}'; {cure}")
     check_place(path)
 
 

@@ -34,14 +34,14 @@ def corner_colours(places: np.ndarray, material: Material) -> np.ndarray:
     from trimesh.visual.color import uv_to_interpolated_color
 
     plain, picture = material
-    found = np.tile(plain, (3 * len(places), 1))
+    colours = np.tile(plain, (3 * len(places), 1))
     if picture is not None:
         inside = (1.5 * _INWARD - 0.5) * places + 0.5 * (1.0 - _INWARD) * places.sum(axis=1, keepdims=True)
         inside = inside.reshape(-1, 2)
-        known = np.isfinite(inside).all(axis=1)
-        found[known] *= uv_to_interpolated_color(inside[known], picture)[:, :3] / 255.0
-        found[~known] = np.nan
-    return found.reshape(-1, 3, 3)
+        pictured = np.isfinite(inside).all(axis=1)
+        colours[pictured] *= uv_to_interpolated_color(inside[pictured], picture)[:, :3] / 255.0
+        colours[~pictured] = np.nan
+    return colours.reshape(-1, 3, 3)
 
 
 class _Beside:
@@ -73,15 +73,15 @@ def read_materials(obj: Path, names: list[str]) -> dict[str, Material]:
     """
     from trimesh.exchange.obj import parse_mtl  # heavy
 
-    found, beside = {}, _Beside(obj)
+    materials, beside = {}, _Beside(obj)
     for name in names:
         with suppress(InputError):
-            found |= parse_mtl(beside.get(name), beside)
+            materials |= parse_mtl(beside.get(name), beside)
             beside.given -= 1
-    pictures = {name: one.get("image") for name, one in found.items()}
+    pictures = {name: look.get("image") for name, look in materials.items()}
     if beside.given > sum(picture is not None for picture in pictures.values()):
         _log.warning("%s: a picture on it cannot be read; its colours are left out", obj)
-    plain = {name: 255.0 * np.ravel(one.get("diffuse", 1.0)) * np.ones(3) for name, one in found.items()}
+    plain = {name: 255.0 * np.ravel(look.get("diffuse", 1.0)) * np.ones(3) for name, look in materials.items()}
     return {name: (np.full(3, 255.0) if picture else plain[name], picture) for name, picture in pictures.items()}
 
 

@@ -61,16 +61,16 @@ def read_vtk_grid(content: bytes) -> Any:
     A reader of our own: meshio 5.3 fails at the field data and the METADATA that VTK 9 and ParaView write.
     """
     file = _opened(content, "UNSTRUCTURED_GRID", "write it as one")
-    found: dict[str, np.ndarray] = {}
+    arrays: dict[str, np.ndarray] = {}
     data: dict[str, dict[str, np.ndarray]] = {"POINT_DATA": {}, "CELL_DATA": {}}
     place, count = data["POINT_DATA"], 0
     for name, words in file.sections():
         if name == "POINTS":
-            found["points"] = file.numbers(int(words[1]), words[2], 3).astype(np.float64)
+            arrays["points"] = file.numbers(int(words[1]), words[2], 3).astype(np.float64)
         elif name == "CELLS":
-            found["corners"], found["ends"] = file.cells(int(words[1]), int(words[2]))
+            arrays["corners"], arrays["ends"] = file.cells(int(words[1]), int(words[2]))
         elif name == "CELL_TYPES":
-            found["types"] = file.numbers(int(words[1]), "int")
+            arrays["types"] = file.numbers(int(words[1]), "int")
         elif name in data:
             place, count = data[name], int(words[1])
             file.place = place
@@ -83,9 +83,9 @@ def read_vtk_grid(content: bytes) -> Any:
             place[words[1]] = file.numbers(count, words[2], 9 if name == "TENSORS" else 3)
         else:
             raise FormatError(f"{words[0][:20]!r} was not expected")
-    if missing := {"points", "corners", "types"} - found.keys():
+    if missing := {"points", "corners", "types"} - arrays.keys():
         raise FormatError(f"it has no {min(missing)}")
-    return _meshio_mesh(**found, point_data=data["POINT_DATA"], cell_data=data["CELL_DATA"])
+    return _meshio_mesh(**arrays, point_data=data["POINT_DATA"], cell_data=data["CELL_DATA"])
 
 
 def _meshio_mesh(
@@ -109,13 +109,13 @@ def _meshio_mesh(
     tables: Any = meshio
     sizes, cells, numbers = np.diff(ends, prepend=0), list[Any](), list[np.ndarray]()
     for kind in np.unique(types):
-        these = np.flatnonzero(types == kind)
+        rows = np.flatnonzero(types == kind)
         name = tables._vtk_common.vtk_to_meshio_type.get(int(kind), "")
         size = tables._mesh.num_nodes_per_cell.get(name)
-        if size is None or (sizes[these] != size).any():
+        if size is None or (sizes[rows] != size).any():
             raise FormatError(f"its cells of type {kind} are not read; mesh with tetrahedra")
-        cells.append((name, corners[(ends[these] - size)[:, None] + np.arange(size)]))
-        numbers.append(these)
+        cells.append((name, corners[(ends[rows] - size)[:, None] + np.arange(size)]))
+        numbers.append(rows)
     of_cells: Any = {name: [values[some] for some in numbers] for name, values in cell_data.items()}
     return meshio.Mesh(points, cells, point_data=point_data, cell_data=of_cells, field_data=field_data)
 
@@ -130,9 +130,9 @@ def _opened(content: bytes, dataset: str, cure: str) -> _File:
     if kind not in ("ASCII", "BINARY"):
         raise FormatError(f"its third line must be ASCII or BINARY, not {kind[:20]!r}")
     file.binary = kind == "BINARY"
-    found = file.line().upper().split()
-    if found != ["DATASET", dataset]:
-        raise FormatError(f"it must hold {dataset}, not {' '.join(found)[:40]!r}; {cure}")
+    stated = file.line().upper().split()
+    if stated != ["DATASET", dataset]:
+        raise FormatError(f"it must hold {dataset}, not {' '.join(stated)[:40]!r}; {cure}")
     return file
 
 
@@ -313,11 +313,11 @@ def read_vtu(content: bytes) -> Any:
 def xml_text(content: bytes, name: str) -> list[str]:
     """The strings of an array of field data; FormatError where it is damaged."""
     root, arrays = _xml(content, None)
-    found = root.findall(f".//FieldData/Array[@Name='{name}']") + root.findall(
+    texts = root.findall(f".//FieldData/Array[@Name='{name}']") + root.findall(
         f".//FieldData/DataArray[@Name='{name}']"
     )
     return [
-        bytes(arrays.numbers(array).astype(np.uint8).tolist()).rstrip(b"\0").decode("latin-1") for array in found
+        bytes(arrays.numbers(array).astype(np.uint8).tolist()).rstrip(b"\0").decode("latin-1") for array in texts
     ]
 
 
@@ -336,9 +336,9 @@ def _xml(
     root = ElementTree.fromstring(content)
     if root.tag != "VTKFile" or (kind and root.get("type") != kind):
         raise FormatError(f"it must hold {kind}, not {root.get('type')!r}; {cure}")
-    given = root.find("AppendedData")
-    if given is not None and not raw:
-        appended = _BLANKS.sub(b"", (given.text or "").encode("ascii"))[1:]
+    appended_data = root.find("AppendedData")
+    if appended_data is not None and not raw:
+        appended = _BLANKS.sub(b"", (appended_data.text or "").encode("ascii"))[1:]
     return root, _Arrays(root, appended, raw is not None)
 
 
@@ -360,12 +360,12 @@ class _Arrays:
 
     def columns(self, data: ElementTree.Element | None) -> dict[str, np.ndarray]:
         """The arrays of numbers of an element by their names."""
-        found: dict[str, np.ndarray] = {}
+        arrays: dict[str, np.ndarray] = {}
         for array in () if data is None else data.iterfind("DataArray"):
             if array.get("type") != "String":
                 values, columns = self.numbers(array), int(array.get("NumberOfComponents") or 1)
-                found[array.get("Name", "")] = values if columns == 1 else values.reshape(-1, columns)
-        return found
+                arrays[array.get("Name", "")] = values if columns == 1 else values.reshape(-1, columns)
+        return arrays
 
     def numbers(self, array: ElementTree.Element) -> np.ndarray:
         """The numbers of an array; the letters of a string."""
@@ -414,7 +414,7 @@ class _Arrays:
 def _bytes(content: bytes, count: int, raw: bool) -> bytes:
     """The first bytes of what is written, as they are or in base 64."""
     letters = count if raw else -(-count // 3) * 4
-    found = content[:letters] if raw else base64.b64decode(content[:letters], validate=True)
-    if len(found) < count:
-        raise FormatError(f"an array of {count} bytes was expected, {len(found)} are left")
-    return found[:count]
+    data = content[:letters] if raw else base64.b64decode(content[:letters], validate=True)
+    if len(data) < count:
+        raise FormatError(f"an array of {count} bytes was expected, {len(data)} are left")
+    return data[:count]

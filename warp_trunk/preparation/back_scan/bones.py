@@ -36,7 +36,7 @@ def ribs_on_vertebrae(
         straight: the same before, with the same vertices.
         poses: motion of each vertebra.
     """
-    found = dict(bones)
+    moved_bones = dict(bones)
     for name, bone in bones.items():
         rib = rib_of(name)
         level = rib.vertebra if rib else ""
@@ -44,8 +44,8 @@ def ribs_on_vertebrae(
             head = ends(straight[name], straight[level])[0]
             near = np.exp(-((np.linalg.norm(straight[name].vertices - head, axis=1) / _HEAD) ** 2))
             off = poses[level](straight[name].vertices) - bone.vertices
-            found[name] = Surface(bone.vertices + near[:, None] * off, bone.faces)
-    return found
+            moved_bones[name] = Surface(bone.vertices + near[:, None] * off, bone.faces)
+    return moved_bones
 
 
 def forward_under_skin(vertebrae: Mapping[str, Surface], skin: Surface, where: str) -> np.ndarray:
@@ -95,7 +95,7 @@ def under_skin(bone: Surface, distance: SurfaceDistance, facing: np.ndarray) -> 
     return Surface(vertices, bone.faces)
 
 
-def all_under_skin(bones: Mapping[str, Surface], skin: Surface, kept: tuple[str, ...]) -> dict[str, Surface]:
+def all_under_skin(bones: Mapping[str, Surface], skin: Surface, fixed: tuple[str, ...]) -> dict[str, Surface]:
     """The bones, all but those kept bent under the skin where they must (`under_skin`)."""
     distance, facing = SurfaceDistance(skin), unit(area_vectors(skin.vertices, skin.faces))
-    return {name: bone if name in kept else under_skin(bone, distance, facing) for name, bone in bones.items()}
+    return {name: bone if name in fixed else under_skin(bone, distance, facing) for name, bone in bones.items()}

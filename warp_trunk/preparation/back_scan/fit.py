@@ -107,9 +107,9 @@ def fit_back(
     rise: np.ndarray | float = 0.0
     placings = 0
     while True:
-        given = place_spine(spine, held, body.centres, rise)
-        frame = find_frame(body, held, given)
-        placed = given.turned(frame.rotation.T, frame.shift)
+        asked = place_spine(spine, held, body.centres, rise)
+        frame = find_frame(body, held, asked)
+        placed = asked.turned(frame.rotation.T, frame.shift)
         straight = body.scaled(frame.scale).fitted_to(placed.centres)
         turns = turns_of(placed, spine.kind == "pedicles")
         placings += 1
@@ -118,14 +118,14 @@ def fit_back(
         poses = poses_of(placed, turns, straight.centres, straight.axes)
         marks = {level: straight.landmarks.of_bone(level).points for level in VERTEBRAE}
         centroids = np.array([poses[level](marks[level]).mean(axis=0) for level in VERTEBRAE])
-        rise = frame.to_patient(centroids)[:, 2] - given.centres[:, 2]
+        rise = frame.to_patient(centroids)[:, 2] - asked.centres[:, 2]
     scan = scan.carried(frame.to_body, frame.rotation.T)
     skin, bones, landmarks, used, forward = _fitted(straight, placed, turns, scan, back, line)
     everything = np.vstack([frame.to_patient(p) for p in (scan.points[~used], scan.stray)])
-    kept = scan.chosen(used)
-    distance = np.abs(SurfaceDistance(skin).at(kept.points))
-    seen = seen_by(skin, kept)
-    kept = kept.carried(frame.to_patient, frame.rotation)
+    used_scan = scan.chosen(used)
+    distance = np.abs(SurfaceDistance(skin).at(used_scan.points))
+    seen = seen_by(skin, used_scan)
+    used_scan = used_scan.carried(frame.to_patient, frame.rotation)
     area, unseen, of_patient = corner_areas(skin), ~seen, _turned(skin, frame)
     if colours is not None:
         of_patient = coloured_from_points(of_patient, points, colours, _GROWS)
@@ -141,7 +141,7 @@ def fit_back(
         bones={bone: _turned(surface, frame) for bone, surface in bones.items()},
         landmarks_before=Landmarks(landmarks.names, frame.to_patient(landmarks.points)),
     )
-    return FittedBack(case, seen, kept, everything, distance, body.name, frame.scale, forward, frame.moved)
+    return FittedBack(case, seen, used_scan, everything, distance, body.name, frame.scale, forward, frame.moved)
 
 
 def _fitted(

@@ -40,17 +40,17 @@ class BackScan:
     """Of the skin that each point stands for [mm^2], shape (n,)."""
     rim: np.ndarray
     """Whether the scan ends there, bool, shape (n,)."""
-    given: int
+    points_read: int
     """How many points were read."""
     stray: np.ndarray
     """Surroundings, and markers, straps and hair on the skin [mm], shape (m, 3)."""
     noise: float
     """Standard deviation of the points about the skin [mm]."""
 
-    def chosen(self, kept: np.ndarray) -> BackScan:
+    def chosen(self, chosen: np.ndarray) -> BackScan:
         """The scan of the points that are kept, bool, shape (n,)."""
-        rows = self.points[kept], self.normals[kept], self.areas[kept], self.rim[kept]
-        return BackScan(*rows, self.given, self.stray, self.noise)
+        rows = self.points[chosen], self.normals[chosen], self.areas[chosen], self.rim[chosen]
+        return BackScan(*rows, self.points_read, self.stray, self.noise)
 
     def carried(self, carry: Callable[[np.ndarray], np.ndarray], rotation: np.ndarray) -> BackScan:
         """The scan in another frame: points by a map, normals by its rotation (3, 3)."""
@@ -83,14 +83,14 @@ def clean_scan(points: np.ndarray, inner: np.ndarray, what: str = "back", spine:
         rule = f"a back in mm extends over 250 to 2500, and its surroundings to {EXTENT[1]:g}"
         raise InputError(f"{what}: extends over {extent:.4g}, and {rule}; give {(*fits, 'it in mm')[0]}")
     try:
-        found = find_back(points, inner, np.array([1.0, 0.0]), what)
+        back = find_back(points, inner, np.array([1.0, 0.0]), what)
     except InputError:
         check_inside(in_cubes(points)[0], inner, what, spine)
         raise
-    thin = found.skin[~found.bridged]
-    if not found.smoothed:  # the front of a body that was scanned from all sides belongs to it
-        thin = np.vstack([thin, found.hidden])
-    stray = np.vstack([found.raised, found.surroundings])
+    thin = back.skin[~back.bridged]
+    if not back.smoothed:  # the front of a body that was scanned from all sides belongs to it
+        thin = np.vstack([thin, back.hidden])
+    stray = np.vstack([back.raised, back.surroundings])
     distance, near = KDTree(thin).query(thin, k=min(_NEIGHBOURS, len(thin)))
     around = thin[near] - thin[near].mean(axis=1, keepdims=True)
     normals = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))[1][:, :, 0]
@@ -105,9 +105,9 @@ def clean_scan(points: np.ndarray, inner: np.ndarray, what: str = "back", spine:
         normals=normals,
         areas=np.pi * reach**2 / distance.shape[1],
         rim=off > _AT_RIM * reach,
-        given=len(points),
+        points_read=len(points),
         stray=stray,
-        noise=found.noise,
+        noise=back.noise,
     )
 
 
@@ -175,5 +175,5 @@ def cut_back(case: Case, noise: float = 0.3, seed: int = 0) -> tuple[np.ndarray,
     behind = points[seen & (np.abs(points[:, 2] - top[2]) < 6.0) & (np.abs(points[:, 0] - top[0]) < 6.0)]
     markers = Landmarks(("C7", "PSIS_left", "PSIS_right"), np.vstack([behind.mean(axis=0), psis]))
     line = np.vstack([2.0 * ends[0, 0] - ends[0, 1], ends.mean(axis=1), ends[-1, 1]])
-    kept = points[seen] + rng.normal(0.0, noise, int(seen.sum()))[:, None] * normal[face[seen]]
-    return kept, spine_line(line), markers
+    noisy = points[seen] + rng.normal(0.0, noise, int(seen.sum()))[:, None] * normal[face[seen]]
+    return noisy, spine_line(line), markers

@@ -70,12 +70,12 @@ def place_spine(
         centres = np.column_stack([np.interp(-usual, heights, track) for track in fine.T])
         up = -np.column_stack([np.interp(-centres[:, 2], heights, track) for track in slope.T])
         return PlacedSpine(centres, unit(up), None)
-    above, known = len(VERTEBRAE) - len(spine.levels), spine.line
-    size = np.linalg.norm(np.diff(known, axis=0), axis=1).sum()
+    above, line = len(VERTEBRAE) - len(spine.levels), spine.line
+    size = np.linalg.norm(np.diff(line, axis=0), axis=1).sum()
     size /= np.linalg.norm(np.diff(body[above:], axis=0), axis=1).sum()
     offset = size * (body[:above] - body[above])
-    lean, own = unit(known[0] - known[2]), unit(body[above] - body[above + 2])
-    centres = np.vstack([known[0] + offset + np.linalg.norm(offset, axis=1)[:, None] * (lean - own), known])
+    lean, own = unit(line[0] - line[2]), unit(body[above] - body[above + 2])
+    centres = np.vstack([line[0] + offset + np.linalg.norm(offset, axis=1)[:, None] * (lean - own), line])
     up = -smooth_track(centres, centres).derivative()(arc_length(centres))
     if spine.up is not None:
         up[above:] = spine.up
@@ -102,8 +102,8 @@ def turns_of(placed: PlacedSpine, smooth: bool) -> np.ndarray:
     turn = np.arctan2(placed.across[:, 1], placed.across[:, 0])
     above = int(np.isnan(turn).sum())
     if smooth:
-        known = centres[above:]
-        turn[above:] = smooth_track(known, turn[above:])(arc_length(known))
+        given_centres = centres[above:]
+        turn[above:] = smooth_track(given_centres, turn[above:])(arc_length(given_centres))
     turn[:above] = turn[above] * np.arange(1, above + 1) / (above + 1) if above < len(turn) else 0.0
     return turn
 
@@ -112,11 +112,11 @@ def poses_of(
     placed: PlacedSpine, turns: np.ndarray, centres: np.ndarray, axes: np.ndarray
 ) -> dict[str, VertebraPose]:
     """The motion of each vertebra of a straight body, with middles and axes (17, 3), to its place and turn."""
-    found = {}
+    poses = {}
     for row, level in enumerate(VERTEBRAE):
         (x, y, z), own = placed.up[row], axes[row] * [0.0, 1.0, 1.0]
         tilt = float(np.arctan2(x, z))
         pitch = float(np.arctan2(-y, np.hypot(x, z)) - np.arctan2(-own[1], own[2]))
         before, after = centres[row], placed.centres[row]
-        found[level] = VertebraPose(tilt, pitch, float(turns[row]), unit(own), before, after)
-    return found
+        poses[level] = VertebraPose(tilt, pitch, float(turns[row]), unit(own), before, after)
+    return poses

@@ -212,9 +212,9 @@ def check_straight(bones: Mapping[str, Surface]) -> None:
     up = np.array(middles[:-2]) - middles[2:]
     cobb = _TURN * float(np.ptp(np.degrees(np.arctan2(up[:, 0], up[:, 2]))))
     if cobb > STRAIGHT:
-        found = f"has a curve of about {cobb:.0f} degrees, and {STRAIGHT:g} is the most"
+        fault = f"has a curve of about {cobb:.0f} degrees, and {STRAIGHT:g} is the most"
         cure = "plan the correction of a real curve with warp-trunk plan"
-        raise InputError(f"bones: the spine must be straight, but {found}; {cure}")
+        raise InputError(f"bones: the spine must be straight, but {fault}; {cure}")
 
 
 _OVER_MUSCLE = ((0.0, 1.0), (45.0, 0.7))
@@ -276,12 +276,12 @@ def _behind(skin: Surface, centre: np.ndarray, offset: float) -> list[np.ndarray
     """The skin of the back at the height of a vertebra and a distance [mm] to either side of it."""
     from_centre = skin.vertices - centre
     back = from_centre[(np.abs(from_centre[:, 2]) < 10.0) & (from_centre[:, 1] > 0.0)]
-    found = []
+    behind = []
     for place in {offset, -offset}:
         away = np.hypot(back[:, 0] - place, 0.5 * back[:, 2])
         if len(away) and away.min() < 20.0:
-            found.append(centre + back[away.argmin()])
-    return found
+            behind.append(centre + back[away.argmin()])
+    return behind
 
 
 GROWTH = RibCoupling(reversible_part=1.0)
@@ -317,12 +317,12 @@ def guiding_points(
             )
             before.append(points)
             after.append(points if still or name not in motions else motions[name].apply(points))
-    points, kept, taken = np.vstack(before), [], landmarks
+    points, chosen, taken = np.vstack(before), [], landmarks
     for i, point in enumerate(points):
         if np.linalg.norm(taken - point, axis=1).min(initial=np.inf) >= _APART:
-            kept.append(i)
+            chosen.append(i)
             taken = np.vstack([taken, point])
-    return points[kept], np.vstack(after)[kept]
+    return points[chosen], np.vstack(after)[chosen]
 
 
 def _spread(vertices: np.ndarray, start: np.ndarray, count: int) -> np.ndarray:

@@ -313,9 +313,9 @@ class MeasuredSpine:
         """The turns of each vertebra from the straight spine."""
         centres = straight.centroids[[straight.levels.index(level) for level in VERTEBRAE]]
         own = np.arctan2(*(np.gradient(centres[:, axis]) * sign for axis, sign in ((1, 1.0), (2, -1.0))))
-        known = ~np.isnan(self.pitch)
-        pitch = np.where(known, self.pitch - own, 0.0)
-        first = int(known.argmax())
+        has_pitch = ~np.isnan(self.pitch)
+        pitch = np.where(has_pitch, self.pitch - own, 0.0)
+        first = int(has_pitch.argmax())
         pitch[:first] = pitch[first]
         pitch -= pitch[-1]  # the sacrum stays, and how a spine leans as a whole is not known of a scan taken lying
         return SpineAngles(tilt=self.tilt, pitch=pitch, turn=self.turn)

@@ -76,7 +76,7 @@ class Imported:
 
     case: Case
     """Without landmarks of bones on which they were not found."""
-    found: FoundLandmarks
+    landmarks: FoundLandmarks
     """The landmarks, what speaks for them, and what was not found."""
     shapes: Mapping[str, BoneShape]
     """Of the bones that came from voxels."""
@@ -135,7 +135,7 @@ def import_case(
     labels = sorted(n for n in masks if n in wanted and n not in few)
     trunk = [n for n in (*labels, *source.surfaces) if of_trunk(n)]
     if not trunk:
-        has = ", ".join(sorted({*masks, *source.surfaces, *source.left_over} - {SKIN})[:5])
+        has = ", ".join(sorted({*masks, *source.surfaces, *source.ignored} - {SKIN})[:5])
         raise InputError(f"import: there is no bone of the trunk among the labels ({has}); a case needs vertebrae")
     with stage("bones", f"drawing the surfaces of {len(labels)} bones"):
         drawn = each_over_cores(lambda n: bone_shape(masks[n], n, options.smoothing), labels)
@@ -152,7 +152,7 @@ def import_case(
     cut = {n for n, mask in own.items() if mask.faces_at_border()}
     turned = other_numbers(bones) or (wrong_way_round(bones) if {1, 2} & misplaced(bones).keys() else [])
     with stage("landmarks", "finding landmarks"):
-        found = FoundLandmarks(NO_LANDMARKS, {}, {}) if turned else _landmarks(bones, cut)
+        landmarks = FoundLandmarks(NO_LANDMARKS, {}, {}) if turned else _landmarks(bones, cut)
     tissue = tissue or masks
     layers, fat = None, None
     if FAT in tissue:
@@ -169,18 +169,18 @@ def import_case(
         name=name,
         skin=skin,
         bones=bones,
-        landmarks_before=found.landmarks,
+        landmarks_before=landmarks.landmarks,
         posture=options.posture,
         uncertainty=Uncertainty(landmark_error=ON_BONES[0], landmark_error_sd=ON_BONES[1]),
         layers=layers,
     )
     spine = {n: bones[n] for n in VERTEBRAE if n in bones}
-    others = {"the body": body} | {f"the mask of {n}": tissue[n] for n in (FAT, MUSCLE) if n in tissue}
-    notes += doubts_of_extents({n: mask for n, mask in others.items() if mask}, own)
+    extents = {"the body": body} | {f"the mask of {n}": tissue[n] for n in (FAT, MUSCLE) if n in tissue}
+    notes += doubts_of_extents({n: mask for n, mask in extents.items() if mask}, own)
     doubts = turned or (*doubts_of_bones(bones, cut), *doubts_of_image(own, body, spine))
     notes += [*doubts, *(() if turned else anatomy_doubts(case))]
     case = replace(case, notes=tuple(notes))
-    return Imported(case, found, shapes, made, fat, (*notes, *_dropped(shapes, bones)))
+    return Imported(case, landmarks, shapes, made, fat, (*notes, *_dropped(shapes, bones)))
 
 
 def _drawn_skin(
@@ -198,25 +198,25 @@ def _drawn_skin(
 
 def _with_cartilages(masks: Mapping[str, Mask]) -> tuple[dict[str, Mask], list[str]]:
     """The masks with all cartilages separated, and sentences about the separation."""
-    others = {name: mask for name, mask in masks.items() if name != CARTILAGES}
-    if "sternum" not in others:
-        return others, [f"{CARTILAGES}: left out, as the sternum that they lead to has no label."]
-    ribs = {name: mask for name, mask in others.items() if rib_of(name)}
-    split, lost = split_cartilages(masks[CARTILAGES], ribs, others["sternum"])
+    separate = {name: mask for name, mask in masks.items() if name != CARTILAGES}
+    if "sternum" not in separate:
+        return separate, [f"{CARTILAGES}: left out, as the sternum that they lead to has no label."]
+    ribs = {name: mask for name, mask in separate.items() if rib_of(name)}
+    split, lost = split_cartilages(masks[CARTILAGES], ribs, separate["sternum"])
     note = f"{CARTILAGES}: {lost / 1000.0:.1f} cm3 of it hang together with no rib, and were left out."
-    return {**others, **split}, [note] if lost > 0.0 else []
+    return {**separate, **split}, [note] if lost > 0.0 else []
 
 
 def _landmarks(bones: Mapping[str, Surface], cut: Container[str]) -> FoundLandmarks:
     """Landmarks of whole bones; a vertebra that the image cuts off has none."""
     whole = {name: bone for name, bone in bones.items() if name not in VERTEBRAE or name not in cut}
     if any(name in whole for name in VERTEBRAE):
-        found = find_landmarks(whole)
+        landmarks = find_landmarks(whole)
     else:
-        found = FoundLandmarks(NO_LANDMARKS, {}, dict.fromkeys(ASIS, "there is no spine"))
+        landmarks = FoundLandmarks(NO_LANDMARKS, {}, dict.fromkeys(ASIS, "there is no spine"))
     parts = {name: "the image ends in it, so that only a part is there" for name in bones if name in cut}
-    reasons = {**found.unsure, **parts}
-    return replace(found, unsure={name: reasons[name] for name in (*VERTEBRAE, *ASIS) if name in reasons})
+    reasons = {**landmarks.unsure, **parts}
+    return replace(landmarks, unsure={name: reasons[name] for name in (*VERTEBRAE, *ASIS) if name in reasons})
 
 
 def _dropped(shapes: Mapping[str, BoneShape], bones: Container[str]) -> list[str]:

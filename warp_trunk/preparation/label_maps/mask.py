@@ -93,28 +93,28 @@ class Mask:
         return [(a, s) for a, s, at in faces if 0 <= at < held.shape[a] and held.take(at, axis=a).any()]
 
 
-def joined(one: Mask, other: Mask) -> Mask | None:
+def joined(first: Mask, other: Mask) -> Mask | None:
     """Both in one box; None where they are of different images."""
-    if one.shape != other.shape:
+    if first.shape != other.shape:
         return None
-    apart = np.abs(one.corners(whole=True) - other.corners(whole=True)).max()
-    if apart > _SAME_GRID * one.spacing.min():
+    apart = np.abs(first.corners(whole=True) - other.corners(whole=True)).max()
+    if apart > _SAME_GRID * first.spacing.min():
         return None
-    low = np.minimum(one.first, other.first)
-    high = np.maximum(np.add(one.first, one.inside.shape), np.add(other.first, other.inside.shape))
+    low = np.minimum(first.first, other.first)
+    high = np.maximum(np.add(first.first, first.inside.shape), np.add(other.first, other.inside.shape))
     inside = np.zeros(high - low, dtype=bool)
-    for mask in (one, other):
+    for mask in (first, other):
         box = zip(mask.first - low, mask.inside.shape, strict=True)
         inside[tuple(slice(start, start + n) for start, n in box)] |= mask.inside
-    return replace(one, inside=inside, first=tuple(low.tolist()))
+    return replace(first, inside=inside, first=tuple(low.tolist()))
 
 
 def boxes(labels: np.ndarray) -> dict[int, tuple[slice, slice, slice]]:
     """The box around each label that is not 0, by its number; labels are whole numbers from 0, shape (i, j, k)."""
     from scipy import ndimage  # heavy
 
-    found = ndimage.find_objects(labels.T)  # images are stored with the first axis fastest
-    return {value: box[::-1] for value, box in enumerate(found, start=1) if box is not None}
+    slices = ndimage.find_objects(labels.T)  # images are stored with the first axis fastest
+    return {value: box[::-1] for value, box in enumerate(slices, start=1) if box is not None}
 
 
 def depth(inside: np.ndarray, spacing: np.ndarray) -> np.ndarray:

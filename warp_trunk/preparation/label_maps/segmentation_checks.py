@@ -73,8 +73,8 @@ def wrong_way_round(bones: Mapping[str, Surface]) -> list[str]:
 def other_numbers(bones: Mapping[str, Surface]) -> list[str]:
     """A sentence where vertebrae lie beside each other, as hips and ribs do that carry their numbers."""
     spine = [(name, bones[name].vertices.mean(axis=0)) for name in VERTEBRAE if name in bones]
-    for (upper, one), (lower, other) in pairwise(spine):
-        aside = float(np.linalg.norm((other - one)[:2]))
+    for (upper, upper_centre), (lower, other) in pairwise(spine):
+        aside = float(np.linalg.norm((other - upper_centre)[:2]))
         levels = VERTEBRAE.index(lower) - VERTEBRAE.index(upper)
         if aside > _BESIDE * levels:
             what = f"{upper} and {lower} lie {aside:.0f} mm beside each other, which no vertebrae do"
@@ -175,19 +175,19 @@ def _ribs(bones: Mapping[str, Surface], spine: Mapping[str, Surface]) -> list[st
     shifts: dict[str, dict[int, int]] = {side: {} for side in SIDES}
     headless: dict[tuple[str, int], float] = {}
     doubts = []
-    for name, found in ((name, rib_of(name)) for name in sorted(bones)):
-        if found is None or found.number not in trees:
+    for name, rib in ((name, rib_of(name)) for name in sorted(bones)):
+        if rib is None or rib.number not in trees:
             continue
-        number = found.number
+        number = rib.number
         points = bones[name].vertices
         if (gap := trees[number].query(points)[0].min()) <= _FROM_VERTEBRA:
             continue
         away = {level: tree.query(points)[0].min() for level, tree in trees.items()}
         at = min(away, key=lambda level: away[level])
         if at != number and (at != number - 1 or away[at] <= _FROM_VERTEBRA):
-            shifts[found.side][number] = at
+            shifts[rib.side][number] = at
         if at in (number - 1, number):
-            headless[found.side, number] = gap
+            headless[rib.side, number] = gap
     for (side, number), gap in headless.items():
         if len(shifts[side]) < _ALIKE:  # a rib begins between its vertebra and the one above
             shifts[side].pop(number, None)
@@ -205,27 +205,27 @@ def _ribs(bones: Mapping[str, Surface], spine: Mapping[str, Surface]) -> list[st
     return doubts
 
 
-def doubts_of_extents(others: Mapping[str, Mask], bones: Mapping[str, Mask]) -> list[str]:
+def doubts_of_extents(masks: Mapping[str, Mask], bones: Mapping[str, Mask]) -> list[str]:
     """A sentence for each mask that does not fit the labels: by its header, or as it leaves bones outside.
 
     Args:
-        others: the body and masks of tissue, by what to call them.
+        masks: the body and masks of tissue, by what to call them.
         bones: the labels by name.
     """
     if not bones:
         return []
-    one, doubts = next(iter(bones.values())), []
-    for name, mask in others.items():
-        if mask.shape == one.shape:
-            apart = np.linalg.norm(mask.corners(whole=True) - one.corners(whole=True), axis=1).max()
-            sizes = mask.spacing / one.spacing
+    reference, doubts = next(iter(bones.values())), []
+    for name, mask in masks.items():
+        if mask.shape == reference.shape:
+            apart = np.linalg.norm(mask.corners(whole=True) - reference.corners(whole=True), axis=1).max()
+            sizes = mask.spacing / reference.spacing
             if np.abs(sizes - 1.0).max() > _OTHER_SIZE:
                 what = f"has voxels of {sizes[np.abs(sizes - 1.0).argmax()]:.4f} times the size of the labels'"
                 far = f"and as many of them, so that one is wrong by up to {apart:.1f} mm"
                 doubts.append(
                     f"{name[0].upper()}{name[1:]} {what}, {far}; write both with the header of one image."
                 )
-            elif apart > max(_APART, one.spacing.max()):
+            elif apart > max(_APART, reference.spacing.max()):
                 what = f"has as many voxels as the labels, but its header puts them up to {apart:.0f} mm elsewhere"
                 doubts.append(f"{name[0].upper()}{name[1:]} {what}; write both with the header of one image.")
         if name != "the body":

@@ -120,9 +120,9 @@ class _Field:
         vertices, normals = surface.vertices, vertex_normals(surface)
         moved = np.zeros(len(vertices))
         for _ in range(3):
-            here = vertices + moved[:, None] * normals
-            slope = (self.at(here + _STEP * normals) - self.at(here - _STEP * normals)) / (2.0 * _STEP)
-            moved -= self.at(here) / np.maximum(slope, 0.5)
+            ends = vertices + moved[:, None] * normals
+            slope = (self.at(ends + _STEP * normals) - self.at(ends - _STEP * normals)) / (2.0 * _STEP)
+            moved -= self.at(ends) / np.maximum(slope, 0.5)
             moved = np.clip(moved, -_TO_SKIN, _TO_SKIN)
         for share in (1.0, 0.5):
             closer = Surface(vertices + share * moved[:, None] * normals, surface.faces)
@@ -169,14 +169,14 @@ def _field(mask: Mask, whole: Sequence[CutPlane], arms: Sequence[CutPlane]) -> _
 
 def _trunk_ends(bones: Mapping[str, Surface], cuts: Sequence[CutPlane]) -> list[CutPlane]:
     """Above the highest thoracic vertebra and below the hip bones, where nothing was asked for."""
-    given = [cut.unit[2] for cut in cuts if math.isinf(cut.radius)]
+    heights = [cut.unit[2] for cut in cuts if math.isinf(cut.radius)]
     spine = [name for name in VERTEBRAE if name in bones]
     hips = [bones[hip].vertices[:, 2].min() for hip in ASIS.values() if hip in bones]
     planes = []
-    if spine[:1] == [VERTEBRAE[0]] and max(given, default=0.0) <= _UPRIGHT:
+    if spine[:1] == [VERTEBRAE[0]] and max(heights, default=0.0) <= _UPRIGHT:
         top = float(bones[spine[0]].vertices[:, 2].max()) + _BEYOND
         planes.append(CutPlane((0.0, 0.0, top), (0.0, 0.0, 1.0)))
-    if hips and min(given, default=0.0) >= -_UPRIGHT:
+    if hips and min(heights, default=0.0) >= -_UPRIGHT:
         planes.append(CutPlane((0.0, 0.0, float(min(hips)) - _BEYOND), (0.0, 0.0, -1.0)))
     return planes
 

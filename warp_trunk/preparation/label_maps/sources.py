@@ -69,21 +69,21 @@ TABLES: dict[str, dict[int, str]] = {
 _GIVE_TABLE = f"give --labels {' or '.join(TABLES)}, or a file .csv of numbers and names"
 
 
-def label_table(given: str) -> dict[int, str]:
+def label_table(source: str) -> dict[int, str]:
     """Names of labels by number.
 
     Args:
-        given: a name of `TABLES`, or a CSV file of number and name, split by commas, semicolons or tabs.
+        source: a name of `TABLES`, or a CSV file of number and name, split by commas, semicolons or tabs.
 
     Raises:
         InputError: neither, or a line that is no number and name.
     """
-    if given in TABLES:
-        return TABLES[given]
-    path = Path(given)
+    if source in TABLES:
+        return TABLES[source]
+    path = Path(source)
     if path.suffix.lower() != ".csv":
         raise InputError(
-            f"--labels: must be {', '.join(TABLES)} or a file .csv of numbers and names, not '{given}'"
+            f"--labels: must be {', '.join(TABLES)} or a file .csv of numbers and names, not '{source}'"
         )
     names: dict[int, str] = {}
     lines = read_text(path, "a table of labels (number,name) was expected").splitlines()
@@ -114,7 +114,7 @@ class Source:
     masks: dict[str, Mask] = field(default_factory=dict)
     surfaces: dict[str, Surface] = field(default_factory=dict)
     """As in their files: LPS and mm."""
-    left_over: list[str] = field(default_factory=list)
+    ignored: list[str] = field(default_factory=list)
     """Names that are none of ours."""
     empty: list[str] = field(default_factory=list)
     """Names of ours without a voxel, in masks of their own: TotalSegmentator writes one for all it can find."""
@@ -148,12 +148,12 @@ def read_source(path: Path, labels: str | None = None) -> Source:
         InputError: nothing that can be read, a damaged file, labels without names, or no bone among them.
     """
     table = None if labels is None else label_table(labels)
-    found = _folder(path, table) if path.is_dir() else _label_map(path, table)
-    if not found.names - {SKIN, ARMS, FAT, MUSCLE}:
-        has = f" (it has {', '.join(found.left_over[:5])})" if found.left_over else ""
+    source = _folder(path, table) if path.is_dir() else _label_map(path, table)
+    if not source.names - {SKIN, ARMS, FAT, MUSCLE}:
+        has = f" (it has {', '.join(source.ignored[:5])})" if source.ignored else ""
         cure = "name them as TotalSegmentator does, vertebrae_T8, or give --labels"
         raise InputError(f"{path}: none of its labels is a bone that is known{has}; {cure}")
-    return found
+    return source
 
 
 def read_tissue(path: Path) -> dict[str, Mask]:
@@ -198,25 +198,25 @@ def _label_map(path: Path, table: Mapping[int, str] | None, cure: str = _GIVE_TA
             f"{path}: its labels have no names, and their numbers mean other bones in other versions of a "
             f"program; {cure}"
         )
-    found = Source(notes=[f"{path}: {note}." for note in image.notes])
-    for layer, known in zip(image.layers, names, strict=True):
+    source = Source(notes=[f"{path}: {note}." for note in image.notes])
+    for layer, names_of in zip(image.layers, names, strict=True):
         for value, box in boxes(layer).items():
-            label = known.get(value, f"label {value}")
-            texts = (label, *(() if table else image.meanings.get(value, ()))) if value in known else ()
+            label = names_of.get(value, f"label {value}")
+            texts = (label, *(() if table else image.meanings.get(value, ()))) if value in names_of else ()
             name = next((ours for text in texts if (ours := known_name(text))), None)
             if name is None:
-                found.left_over.append(label)
+                source.ignored.append(label)
                 continue
             first = tuple(part.start for part in box)
             mask = Mask(layer[box] == value, first, image.affine, layer.shape)
-            found.add(name, mask, f"{path}: label {value} ({label})")
-    return found
+            source.add(name, mask, f"{path}: label {value} ({label})")
+    return source
 
 
 def _folder(folder: Path, table: Mapping[int, str] | None) -> Source:
     if table is not None:
         raise InputError(f"{folder}: is a folder, whose files have names and no numbers; leave --labels out")
-    found = Source()
+    source = Source()
     surfaces = [*surface_files(folder).items(), *surface_files(folder / "bones").items()]
     images = sorted(path for path in folder.iterdir() if image_ending(path) and not path.name.startswith("."))
     objects = [] if surfaces or images else [path for path in folder.iterdir() if is_dicom(path)]
@@ -230,23 +230,23 @@ def _folder(folder: Path, table: Mapping[int, str] | None) -> Source:
     for stem, path in [*surfaces, *((image_stem(path), path) for path in images)]:
         name = known_name(stem)
         if name is None:
-            found.left_over.append(stem)  # not even read
-        elif name in found.surfaces:
+            source.ignored.append(stem)  # not even read
+        elif name in source.surfaces:
             raise InputError(f"{path}: is '{name}', and so is a surface in this folder; keep one of them")
         elif not image_ending(path):
-            found.surfaces[name] = read_surface(path)
+            source.surfaces[name] = read_surface(path)
         else:
             image = read_labels(path)
-            found.notes += [f"{path}: {note}." for note in image.notes]
+            source.notes += [f"{path}: {note}." for note in image.notes]
             mask = _mask_of((image.layers != 0).any(axis=0), image)
             if mask is None:
-                found.empty.append(name)
+                source.empty.append(name)
             else:
-                found.add(name, mask, str(path))
-    if not found.names and not found.left_over and not found.empty:
+                source.add(name, mask, str(path))
+    if not source.names and not source.ignored and not source.empty:
         cure = "give the folder of the segmentation, or one file with all labels"
         raise InputError(f"{folder}: there is no mask ({', '.join(ENDINGS)}) and no surface in it; {cure}")
-    return found
+    return source
 
 
 def _mask_of(inside: np.ndarray, image: Image) -> Mask | None:

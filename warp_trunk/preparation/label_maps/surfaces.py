@@ -19,7 +19,7 @@ LEAST = 30
 """A label of fewer voxels is no bone."""
 _ROOM = 3
 """Voxels of the outside around the box."""
-KEPT = 0.003
+VOLUME_KEPT = 0.003
 """How far the volume of a surface may be from that of its voxels, relative."""
 _TRIES = 5
 _SLOPE = 1.4
@@ -59,10 +59,10 @@ def bone_shape(mask: Mask, name: str, smoothing: float) -> BoneShape:
 
     if (count := np.count_nonzero(mask.inside)) < LEAST:
         raise InputError(f"{name}: has {count} voxels, {LEAST} are needed; look at this label")
-    kept, sizes = largest_piece(mask.inside)
+    largest, sizes = largest_piece(mask.inside)
     volume = float(sizes[0]) * mask.voxel_volume
     factors = factors_below(_FINE, mask.spacing)
-    solid = np.pad(reduced(kept, factors) >= 0.5, _ROOM)
+    solid = np.pad(reduced(largest, factors) >= 0.5, _ROOM)
     spacing = mask.spacing * factors
     field = ndimage.gaussian_filter(distance(solid, spacing), smoothing / spacing)
     block = mask.voxel_volume * float(np.prod(factors))
@@ -92,7 +92,7 @@ def _holding(field: np.ndarray, volume: float, side: float) -> Surface:
     step = _SLOPE * side * (volume - held) / area
     for _ in range(_TRIES):
         before, level = held, level + step
-        if abs(held / volume - 1.0) <= KEPT / 3.0 or step == 0.0:
+        if abs(held / volume - 1.0) <= VOLUME_KEPT / 3.0 or step == 0.0:
             break
         surface = _drawn(field - level)
         held = enclosed_volume(surface)

@@ -75,21 +75,21 @@ def find_landmarks(bones: Mapping[str, Surface]) -> FoundLandmarks:
     centres = {name: _centre(bones[name]) for name in present if name not in unsure}
     unsure |= doubts_of_order(centres)
     centres = {name: centre for name, centre in centres.items() if name not in unsure}
-    found: dict[str, FoundVertebra] = {}
+    vertebrae: dict[str, FoundVertebra] = {}
     for name, up in _directions(centres).items():
         try:
-            found[name] = find_vertebra(bones[name], left, up)
+            vertebrae[name] = find_vertebra(bones[name], left, up)
         except UnsureError as doubt:
             unsure[name] = str(doubt)
-    unsure |= doubts_of_neighbours(found)
-    found = {name: vertebra for name, vertebra in found.items() if name not in unsure}
-    names = [f"{bone}_{point}" for bone in found for point in VERTEBRA_POINTS]
-    points = [np.empty((0, 3)), *(vertebra.points for vertebra in found.values())]
+    unsure |= doubts_of_neighbours(vertebrae)
+    vertebrae = {name: vertebra for name, vertebra in vertebrae.items() if name not in unsure}
+    names = [f"{bone}_{point}" for bone in vertebrae for point in VERTEBRA_POINTS]
+    points = [np.empty((0, 3)), *(vertebra.points for vertebra in vertebrae.values())]
     if spines is not None:
         names += ASIS
         points.append(spines)
     reasons = {name: unsure[name] for name in (*VERTEBRAE, *ASIS) if name in unsure}
-    return FoundLandmarks(Landmarks(tuple(names), np.vstack(points)), found, reasons)
+    return FoundLandmarks(Landmarks(tuple(names), np.vstack(points)), vertebrae, reasons)
 
 
 def _centre(surface: Surface) -> np.ndarray:
@@ -138,13 +138,13 @@ def iliac_spines(hip_left: Surface, hip_right: Surface) -> np.ndarray:
 
 
 def _fronts(hip_left: Surface, hip_right: Surface, axes: np.ndarray, upper: bool) -> np.ndarray:
-    found = []
+    fronts = []
     for hip in (hip_left, hip_right):
         local = hip.vertices @ axes.T
         above = local[:, 2] > (local[:, 2].min() + local[:, 2].max()) / 2.0
         half = above if upper else ~above
-        found.append(hip.vertices[half][local[half, 1].argmin()])
-    return np.array(found)
+        fronts.append(hip.vertices[half][local[half, 1].argmin()])
+    return np.array(fronts)
 
 
 _PIECE = 0.1
@@ -184,26 +184,26 @@ def doubts_of_order(centres: Mapping[str, np.ndarray]) -> dict[str, str]:
 
 def medians_of_neighbours(values: Mapping[str, float], fewest: int = 1) -> dict[str, float]:
     """The median over the two levels above and below each vertebra that has as many as `fewest` of them."""
-    found = {}
+    medians = {}
     for name in values:
         at = VERTEBRAE.index(name)
         near = [values[n] for n in VERTEBRAE[max(0, at - 2) : at + 3] if n in values and n != name]
         if len(near) >= fewest:
-            found[name] = float(np.median(near))
-    return found
+            medians[name] = float(np.median(near))
+    return medians
 
 
-def doubts_of_neighbours(found: Mapping[str, FoundVertebra]) -> dict[str, str]:
+def doubts_of_neighbours(vertebrae: Mapping[str, FoundVertebra]) -> dict[str, str]:
     """Bodies that are too tall or too low beside their neighbours, or reach into each other."""
-    heights, doubts = {name: vertebra.height for name, vertebra in found.items()}, {}
+    heights, doubts = {name: vertebra.height for name, vertebra in vertebrae.items()}, {}
     for name, usual in medians_of_neighbours(heights).items():
         if not _LOWER * usual <= heights[name] <= _TALLER * usual:
             what = "are two vertebrae fused" if heights[name] > usual else "is a part of it missing"
             doubts[name] = (
                 f"its body is {heights[name]:.0f} mm high, those of its neighbours {usual:.0f} mm; {what}?"
             )
-    for upper, lower in pairwise(name for name in found if name not in doubts):
-        gap = (found[upper].points[1] - found[lower].points[0]) @ found[upper].axes[2]
+    for upper, lower in pairwise(name for name in vertebrae if name not in doubts):
+        gap = (vertebrae[upper].points[1] - vertebrae[lower].points[0]) @ vertebrae[upper].axes[2]
         if VERTEBRAE.index(lower) == VERTEBRAE.index(upper) + 1 and gap < -_OVERLAP * heights[upper]:
             doubts[upper] = f"its body reaches {-gap:.0f} mm into that of {lower}"
             doubts[lower] = f"its body reaches {-gap:.0f} mm into that of {upper}"

@@ -187,17 +187,17 @@ def outline(loop: np.ndarray) -> np.ndarray:
 def centroid(loop: np.ndarray) -> np.ndarray:
     """Of the area inside a loop (k, 2), shape (2,)."""
     middle = loop.mean(axis=0)
-    one = loop - middle
-    two = np.roll(one, -1, axis=0)
-    weight = one[:, 0] * two[:, 1] - two[:, 0] * one[:, 1]
-    return middle + (one + two).T @ weight / (3.0 * weight.sum())
+    corner = loop - middle
+    next_corner = np.roll(corner, -1, axis=0)
+    weight = corner[:, 0] * next_corner[:, 1] - next_corner[:, 0] * corner[:, 1]
+    return middle + (corner + next_corner).T @ weight / (3.0 * weight.sum())
 
 
 def leaving(loop: np.ndarray, start: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Where a ray from within a loop (k, 2) leaves it for good, shape (2,)."""
-    found = last_crossing(np.stack([loop, np.roll(loop, -1, axis=0)], axis=1), start, direction)
-    assert found is not None
-    return found
+    crossing = last_crossing(np.stack([loop, np.roll(loop, -1, axis=0)], axis=1), start, direction)
+    assert crossing is not None
+    return crossing
 
 
 _MOST_ASYMMETRY = 2.5
@@ -238,8 +238,8 @@ def find_vertebra(surface: Surface, left: np.ndarray, up: np.ndarray) -> FoundVe
     """
     normal, offset, asymmetry = symmetry_plane(surface, left, up)
     if asymmetry > _MOST_ASYMMETRY:
-        found = f"its left and right differ by {asymmetry:.1f} mm (median), {_MOST_ASYMMETRY:g} is the most"
-        raise UnsureError(f"{found}; is it whole, alone and in one piece?")
+        sides = f"its left and right differ by {asymmetry:.1f} mm (median), {_MOST_ASYMMETRY:g} is the most"
+        raise UnsureError(f"{sides}; is it whole, alone and in one piece?")
     upright = unit(up - (up @ normal) * normal)
     middle = surface.vertices.mean(axis=0)
     middle += (offset - normal @ middle) * normal
@@ -275,11 +275,11 @@ def _pitch(local: Surface) -> float:
     boxes = np.ptp(points @ back.T, axis=0) * np.ptp(points @ up.T, axis=0)
     pitch = _across_endplates(points, float(_PITCHES[boxes.argmin()]))
     depth, wall = float(np.ptp(points[:, 0])), points[:, 0].max()
-    found = [pitch]
+    pitches = [pitch]
     for left in _BESIDE * depth * np.array([-2.0, -1.0, 1.0, 2.0]):
         beside = outline(_body(local, float(left)))
-        found.append(_across_endplates(beside[beside[:, 0] < wall], pitch))  # not the pedicles behind it
-    return float(np.median(found))
+        pitches.append(_across_endplates(beside[beside[:, 0] < wall], pitch))  # not the pedicles behind it
+    return float(np.median(pitches))
 
 
 def _across_endplates(points: np.ndarray, pitch: float) -> float:
@@ -312,14 +312,14 @@ def _six(local: Surface) -> np.ndarray:
             raise UnsureError("it shows two bodies, one above the other; give each vertebra its own surface")
     low, high = body.min(axis=0), body.max(axis=0)
     up = np.array([0.0, 1.0])
-    found = [[0.0, *leaving(body, (low + high) / 2.0, sign * up)] for sign in (1.0, -1.0)]
+    points = [[0.0, *leaving(body, (low + high) / 2.0, sign * up)] for sign in (1.0, -1.0)]
     depth, pedicles = _pedicles(local, low, high)
     for pedicle in pedicles:
         centre = centroid(pedicle)
         for sign in (1.0, -1.0):
             left, height = leaving(pedicle, centre, sign * up)
-            found.append([left, depth, height])
-    return np.array(found)
+            points.append([left, depth, height])
+    return np.array(points)
 
 
 def _pedicles(local: Surface, low: np.ndarray, high: np.ndarray) -> tuple[float, tuple[np.ndarray, np.ndarray]]:

@@ -269,9 +269,9 @@ def tube(
     j, k = np.arange(around), (np.arange(around) + 1) % around
     faces = [np.stack([np.zeros_like(j), 1 + k, 1 + j], axis=1)]
     for ring in range(count - 1):
-        here, there = 1 + ring * around, 1 + (ring + 1) * around
-        faces.append(np.stack([here + j, here + k, there + k], axis=1))
-        faces.append(np.stack([here + j, there + k, there + j], axis=1))
+        ring_start, next_ring = 1 + ring * around, 1 + (ring + 1) * around
+        faces.append(np.stack([ring_start + j, ring_start + k, next_ring + k], axis=1))
+        faces.append(np.stack([ring_start + j, next_ring + k, next_ring + j], axis=1))
     last = 1 + (count - 1) * around
     faces.append(np.stack([last + j, last + k, np.full_like(j, len(vertices) - 1)], axis=1))
     return Surface(vertices, np.concatenate(faces).astype(np.int32))

@@ -165,8 +165,8 @@ def stack(half_loops: Sequence[np.ndarray]) -> Surface:
         while i < len(upper) - 1 or j < len(lower) - 1:  # by the shorter diagonal at each step
             step_up = np.linalg.norm(upper[i + 1] - lower[j]) if i < len(upper) - 1 else np.inf
             step_down = np.linalg.norm(upper[i] - lower[j + 1]) if j < len(lower) - 1 else np.inf
-            one, other = starts[k] + i, starts[k + 1] + j
-            faces.append((one, one + 1, other) if step_up <= step_down else (one, other + 1, other))
+            low, high = starts[k] + i, starts[k + 1] + j
+            faces.append((low, low + 1, high) if step_up <= step_down else (low, high + 1, high))
             i, j = (i + 1, j) if step_up <= step_down else (i, j + 1)
     left = np.array(faces)
     on_plane = vertices[:, 0] == 0.0

@@ -88,10 +88,10 @@ def fit_atlas(
     owners = np.array([bone_of(name, bones) or "" for name in atlas.names])
     check_size("fit_atlas", sources, targets)
     rows = {bone: np.flatnonzero(owners == bone) for bone in bones}
-    for bone, found in rows.items():
-        if len(found):
-            names = tuple(atlas.names[i] for i in found)
-            check_near("fit_atlas", names, sources[found], bones[bone], f"'{bone}' of the atlas")
+    for bone, rows_of_bone in rows.items():
+        if len(rows_of_bone):
+            names = tuple(atlas.names[i] for i in rows_of_bone)
+            check_near("fit_atlas", names, sources[rows_of_bone], bones[bone], f"'{bone}' of the atlas")
     own = tuple(bone for bone in bones if _enough(sources[rows[bone]]))
 
     on_skin = np.empty((2, 0, 3)) if skins is None else _on_skin(*skins, sources, targets)
@@ -108,9 +108,9 @@ def fit_atlas(
     for i in everything:
         fitted = rows[owners[i]] if owners[i] in own else everything
         miss[i] = np.linalg.norm(carry(fitted, sources[i : i + 1], none)[0] - targets[i])
-        others = fitted[fitted != i]
-        if _enough(sources[others]):
-            left_out[i] = np.linalg.norm(carry(others, sources[i : i + 1], none)[0] - targets[i])
+        rest = fitted[fitted != i]
+        if _enough(sources[rest]):
+            left_out[i] = np.linalg.norm(carry(rest, sources[i : i + 1], none)[0] - targets[i])
     carried, depth = {}, {}
     for name, bone in bones.items():
         # how thick the tissue over the pelvis is differs most between bodies: the skin does not guide it
@@ -137,18 +137,18 @@ def _on_skin(of_atlas: Surface, of_patient: Surface, sources: np.ndarray, target
     chosen = spread_centres(start.vertices, _APART * float(np.ptp(marks, axis=0).max()))
     distance, facing = SurfaceDistance(of_patient), unit(area_vectors(of_patient.vertices, of_patient.faces))
     spline = fit_spline(marks, targets, 1.0, drift="constant")
-    kept, goals = chosen, start.vertices[chosen]
+    used, goals = chosen, start.vertices[chosen]
     for nugget in _NUGGETS:
         moved = Surface(spline(start.vertices), start.faces)
         nearest = distance.nearest(moved.vertices[chosen])
         alike = np.einsum("ij,ij->i", vertex_normals(moved)[chosen], facing[nearest.face]) > _FACING
-        kept, goals = chosen[alike], nearest.point[alike]
+        used, goals = chosen[alike], nearest.point[alike]
         spline = fit_spline(
-            np.vstack([marks, start.vertices[kept]]),
+            np.vstack([marks, start.vertices[used]]),
             np.vstack([targets, goals]),
-            np.append(np.ones(len(marks)), np.full(len(kept), nugget)),
+            np.append(np.ones(len(marks)), np.full(len(used), nugget)),
         )
-    return np.stack([of_atlas.vertices[kept], goals])
+    return np.stack([of_atlas.vertices[used], goals])
 
 
 def _enough(points: np.ndarray) -> bool:

@@ -66,8 +66,8 @@ def register_skin(skin: Surface, on_skin: Landmarks, on_films: Landmarks, nugget
     for name, markers in (("on_skin", on_skin), ("on_films", on_films)):
         expect(markers, Landmarks, f"register_skin: '{name}'", "read them with read_landmarks")
     if differ := sorted(set(on_skin.names) ^ set(on_films.names)):
-        found = f"of {', '.join(differ[:4])} there is only one"
-        raise InputError(f"register: markers on skin and films must have the same names, but {found}; name both")
+        fault = f"of {', '.join(differ[:4])} there is only one"
+        raise InputError(f"register: markers on skin and films must have the same names, but {fault}; name both")
     targets = on_films.points[[on_films.index(name) for name in on_skin.names]]
     check_near("register", on_skin.names, on_skin.points, skin, "the skin")
     check_size("register", on_skin.points, targets)
@@ -104,13 +104,13 @@ def check_near(what: str, names: tuple[str, ...], points: np.ndarray, surface: S
     off = np.abs(SurfaceDistance(surface).at(points))
     worst = int(np.argmax(off))
     if not off[worst] <= NEAR:
-        found = f"'{names[worst]}' is {off[worst]:.0f} mm from {where}, {NEAR:g} mm is the most"
-        raise InputError(f"{what}: {found}; give both in mm and in one frame")
+        fault = f"'{names[worst]}' is {off[worst]:.0f} mm from {where}, {NEAR:g} mm is the most"
+        raise InputError(f"{what}: {fault}; give both in mm and in one frame")
 
 
 def check_size(what: str, sources: np.ndarray, targets: np.ndarray) -> None:
     """InputError, which begins with `what`, for points (n, 3) that spread far wider or less than their targets."""
     before, after = (np.sqrt(np.mean(np.sum((p - p.mean(axis=0)) ** 2, axis=1))) for p in (sources, targets))
     if not before / GROWTH <= after <= before * GROWTH:
-        found = f"the points spread over {before:.3g} mm in one file and {after:.3g} mm in the other"
-        raise InputError(f"{what}: {found}, a ratio of {GROWTH:g} is the most; give both in mm")
+        fault = f"the points spread over {before:.3g} mm in one file and {after:.3g} mm in the other"
+        raise InputError(f"{what}: {fault}, a ratio of {GROWTH:g} is the most; give both in mm")

@@ -125,8 +125,8 @@ def meeting_point(
     def off(X: np.ndarray) -> np.ndarray:
         return np.concatenate([project(P, X[None])[0] - p for P, p in zip(projections, places, strict=True)])
 
-    found = least_squares(off, start, jac="cs", xtol=1e-12)  # a complex step: derivatives without differences
-    return found.x, found.jac
+    fit = least_squares(off, start, jac="cs", xtol=1e-12)  # a complex step: derivatives without differences
+    return fit.x, fit.jac
 
 
 @dataclass(frozen=True)
@@ -168,14 +168,14 @@ def triangulate(first: Film, second: Film, limit: float = 5.0, noise: float | No
             or whose two rays do not cross.
     """
     if not (limit > 0.0 and (noise is None or noise >= 0.0)):
-        given = f"{limit} and {noise}"
-        raise InputError(f"triangulate: 'limit' must be above 0 and 'noise' at least 0, not {given}")
+        limits = f"{limit} and {noise}"
+        raise InputError(f"triangulate: 'limit' must be above 0 and 'noise' at least 0, not {limits}")
     names = _common_names(first, second)
     films = (first, second)
     places = [film.rows(names) for film in films]
     projections = [film.projection for film in films]
-    found = [meeting_point(projections, [p[i] for p in places], name) for i, name in enumerate(names)]
-    points = np.array([point for point, _ in found])
+    crossings = [meeting_point(projections, [p[i] for p in places], name) for i, name in enumerate(names)]
+    points = np.array([point for point, _ in crossings])
     miss = np.column_stack([_miss(film, points, place) for film, place in zip(films, places, strict=True)])
     for film in films:
         depth = points @ film.projection[2, :3] + film.projection[2, 3]
@@ -189,7 +189,7 @@ def triangulate(first: Film, second: Film, limit: float = 5.0, noise: float | No
     _check_order(names, points)
     if noise is None:
         noise = math.sqrt(float(np.sum(miss**2)) / len(names))  # one number left over for each landmark
-    spread = np.array([np.diag(np.linalg.inv(gradient.T @ gradient)) for _, gradient in found])
+    spread = np.array([np.diag(np.linalg.inv(gradient.T @ gradient)) for _, gradient in crossings])
     return Triangulation(Landmarks(names, points), miss, noise * np.sqrt(spread), noise)
 
 
@@ -198,11 +198,11 @@ def _miss(film: Film, points: np.ndarray, places: np.ndarray) -> np.ndarray:
     return np.linalg.norm(project(film.projection, points) - places, axis=1)
 
 
-def write_triangulation(path: str | Path, found: Triangulation) -> None:
+def write_triangulation(path: str | Path, made: Triangulation) -> None:
     """Write a CSV file that `read_landmarks` reads, with columns for the error on the films and in space."""
-    rows = np.column_stack([found.landmarks.points, found.miss.max(axis=1), found.uncertainty])
+    rows = np.column_stack([made.landmarks.points, made.miss.max(axis=1), made.uncertainty])
     head = ("name", "x", "y", "z", "reprojection_error", "sd_x", "sd_y", "sd_z")
-    named = ([name, *row] for name, row in zip(found.landmarks.names, rows.tolist(), strict=True))
+    named = ([name, *row] for name, row in zip(made.landmarks.names, rows.tolist(), strict=True))
     write_whole(Path(path), csv_text([head, *named]))
 
 
@@ -231,14 +231,14 @@ def _check_miss(films: tuple[Film, Film], names: tuple[str, ...], miss: np.ndarr
     first, second = (film.rows(names) for film in films)
     for pair in (np.array(sorted(pair)) for pair in combinations(bad, 2)):
         exchanged = 0.0
-        for here, there in (pair, pair[::-1]):
-            places = (first[here], second[there])
-            point = meeting_point([film.projection for film in films], places, names[here])[0][None]
+        for row, other_row in (pair, pair[::-1]):
+            places = (first[row], second[other_row])
+            point = meeting_point([film.projection for film in films], places, names[row])[0][None]
             misses = [_miss(film, point, place[None])[0] for film, place in zip(films, places, strict=True)]
             exchanged = max(exchanged, *misses)
         if exchanged <= limit:
-            one, other = (f"'{names[i]}'" for i in pair)
-            what = f"{one} and {other} look swapped here or on {films[0].view}"
+            first_name, other = (f"'{names[i]}'" for i in pair)
+            what = f"{first_name} and {other} look swapped here or on {films[0].view}"
             by = f"{miss[pair[0]]:.1f} and {miss[pair[1]]:.1f}, exchanged by {exchanged:.1f}"
             raise InputError(f"{films[1].view}: {what}: they miss by {by}; correct their names")
     if bad.size:
@@ -252,9 +252,9 @@ def _check_order(names: tuple[str, ...], points: np.ndarray) -> None:
 
     Heights on two films distinguish most landmarks; those of equal height are distinguished by their names.
     """
-    for one, other, axis, side in (("left", "right", 0, "to the left of"), ("superior", "inferior", 2, "above")):
+    for word, other, axis, side in (("left", "right", 0, "to the left of"), ("superior", "inferior", 2, "above")):
         for i, name in enumerate(names):
-            twin = name.replace(one, other, 1)
+            twin = name.replace(word, other, 1)
             if (
                 twin != name
                 and twin in names
@@ -266,5 +266,5 @@ def _check_order(names: tuple[str, ...], points: np.ndarray) -> None:
 
 
 def _named(names: tuple[str, ...], rows: np.ndarray, most: int = 4) -> str:
-    found = [f"'{names[row]}'" for row in rows]
-    return ", ".join(found[:most]) + (f" and {len(found) - most} more" if len(found) > most else "")
+    quoted = [f"'{names[row]}'" for row in rows]
+    return ", ".join(quoted[:most]) + (f" and {len(quoted) - most} more" if len(quoted) > most else "")

@@ -274,9 +274,9 @@ def _plane_through(points: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, 
     centre, off = np.median(points, axis=0), np.zeros(0)
     for _ in range(_FITS):
         off = np.abs((points - centre) @ normal)
-        kept = off <= max(3.0 * float(np.median(off)), 0.5)
-        centre = points[kept].mean(axis=0)
-        axis = np.linalg.svd(points[kept] - centre, full_matrices=False)[2][2]
+        close = off <= max(3.0 * float(np.median(off)), 0.5)
+        centre = points[close].mean(axis=0)
+        axis = np.linalg.svd(points[close] - centre, full_matrices=False)[2][2]
         normal = axis if axis @ normal > 0.0 else -axis
     return centre, normal, float(off.mean())
 

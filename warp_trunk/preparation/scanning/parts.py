@@ -54,9 +54,9 @@ def check_parts(parts: Mapping[str, Surface]) -> None:
         if outward <= 0.0:
             raise InputError(f"{name}: its triangles face into the trunk; turn them round (flip the normals)")
     trees = [KDTree(part.vertices) for part in parts.values()]
-    gap = np.array([[one.query(other.data)[0].min() for other in trees] for one in trees])
-    one, other = np.nonzero(gap <= _WIDEST_GAP)
-    group = linked_parts(one, other, len(parts))
+    gap = np.array([[tree.query(other.data)[0].min() for other in trees] for tree in trees])
+    row, column = np.nonzero(gap <= _WIDEST_GAP)
+    group = linked_parts(row, column, len(parts))
     for name, row, number in zip(parts, gap, group, strict=True):
         if number != group[0]:
             rule = f"is {row[group != number].min():.1f} mm from the other parts, and may be {_WIDEST_GAP:g} mm"
@@ -89,8 +89,8 @@ def covers(
     parts: Mapping[str, Surface], reaches: Mapping[str, float], name: str, points: np.ndarray, normals: np.ndarray
 ) -> np.ndarray:
     """How many scans but the one called `name` cover each of some points (`covered_by`), shape (n,)."""
-    others = [covered_by(points, normals, parts[other], reaches[other]) for other in parts if other != name]
-    return np.sum(others, axis=0) if others else np.zeros(len(points))
+    covered = [covered_by(points, normals, parts[other], reaches[other]) for other in parts if other != name]
+    return np.sum(covered, axis=0) if covered else np.zeros(len(points))
 
 
 def reach_of(surface: Surface, noise: float) -> float:
@@ -159,8 +159,8 @@ def align_parts(parts: Mapping[str, Surface]) -> tuple[dict[str, Surface], dict[
             right -= row.T @ off
         least = count.argmin()
         if count[least] < _FEWEST:
-            found = f"{count[least]:.0f} vertices, and needs {_FEWEST} to be refined"
-            raise InputError(f"{names[least]}: overlaps the other parts in {found}; give scans that overlap more")
+            reach = f"{count[least]:.0f} vertices, and needs {_FEWEST} to be refined"
+            raise InputError(f"{names[least]}: overlaps the other parts in {reach}; give scans that overlap more")
         motions = np.zeros((len(names), 6))  # the first one stays
         motions[1:] = np.linalg.lstsq(system[6:, 6:], right[6:], rcond=1e-9)[0].reshape(-1, 6)
         for name, motion in zip(names[1:], motions[1:], strict=True):
@@ -170,13 +170,13 @@ def align_parts(parts: Mapping[str, Surface]) -> tuple[dict[str, Surface], dict[
             total[name] = step * total[name]
         if np.abs(motions).max() < _STILL:
             break
-    found = {}
+    alignments = {}
     for name, distance in [*zip(names, np.sqrt(square / count), strict=True)][1:]:
         middle, motion = parts[name].vertices.mean(axis=0), total[name]
         shift = float(np.linalg.norm(motion.apply(middle) - middle))
         turn = float(np.degrees(motion.angle))
-        found[name] = Alignment(motion.as_matrix(), shift, turn, float(distance))
-    return now, found
+        alignments[name] = Alignment(motion.as_matrix(), shift, turn, float(distance))
+    return now, alignments
 
 
 def _distances(part: Surface, other: Surface, reach: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
