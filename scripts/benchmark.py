@@ -37,73 +37,72 @@ METHODS = ("newton", "gradient", outside.OUTSIDE)
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a command; returns the exit status."""
-    given = _parser().parse_args(arguments)
+    options = _parser().parse_args(arguments)
     be_quiet()
     try:
-        given.command(given)
+        options.command(options)
     except InputError as error:
         print(error, file=sys.stderr)
         return 2
     return 0
 
 
-def prepare(given: argparse.Namespace) -> None:
+def prepare(options: argparse.Namespace) -> None:
     """Meshes a case and solves it for the truth."""
-    case = load_case(given.case)
-    problem = mesh_case(case, given.tets, given.bone_edge_length)
-    problem = as_simulated(problem, case, RunOptions(bones=given.bones, energy=given.energy))
-    if given.truth:
+    case = load_case(options.case)
+    problem = mesh_case(case, options.tets, options.bone_edge_length)
+    problem = as_simulated(problem, case, RunOptions(bones=options.bones, energy=options.energy))
+    if options.truth:
         problem = replace(problem, truth=solve_truth(problem))
-    write_problem(given.out, problem)
-    print(f"{given.out}: {len(problem.trunk.tets)} tets, {Path(given.out).stat().st_size / 1e6:.1f} MB")
+    write_problem(options.out, problem)
+    print(f"{options.out}: {len(problem.trunk.tets)} tets, {Path(options.out).stat().st_size / 1e6:.1f} MB")
 
 
-def run(given: argparse.Namespace) -> None:
+def run(options: argparse.Namespace) -> None:
     """Measures every curve in a process of its own and writes the records after each."""
-    problem = read_problem(given.problem)
+    problem = read_problem(options.problem)
     problem.errors(problem.bone_path().displacement)  # says now if there is no truth
     records: list[Record] = []
-    older = read_records(given.out) if Path(given.out).exists() else []
+    older = read_records(options.out) if Path(options.out).exists() else []
     compiled: dict[tuple[str, str], float] = {}
-    settings = choose_settings(given, problem)
+    settings = choose_settings(options, problem)
 
     def measure_all() -> None:
         for setting in settings:
             at = (setting.device, setting.precision)
-            if given.compile and at not in compiled:
-                compiled[at] = fresh(curves.measure_compilation, given.problem, setting)
-            records.extend(fresh(curves.measure_curve, given.problem, setting, given.limit, compiled.get(at)))
-            write_records(given.out, tables.latest([older, records]))
+            if options.compile and at not in compiled:
+                compiled[at] = fresh(curves.measure_compilation, options.problem, setting)
+            records.extend(fresh(curves.measure_curve, options.problem, setting, options.limit, compiled.get(at)))
+            write_records(options.out, tables.latest([older, records]))
 
-    with empty_kernel_cache() if given.compile else nullcontext():
+    with empty_kernel_cache() if options.compile else nullcontext():
         measure_all()
-    print(
-        f"{problem.name}, {len(problem.trunk.tets)} tets; no run is begun that would take over {given.limit:g} s\n"
-    )
+    rule = f"no run is begun that would take over {options.limit:g} s"
+    print(f"{problem.name}, {len(problem.trunk.tets)} tets; {rule}\n")
     print_table(records)
 
 
-def table(given: argparse.Namespace) -> None:
+def table(options: argparse.Namespace) -> None:
     """Prints the table, or writes it into a page."""
-    records = read_records(given.records)
-    if given.page is None:
+    records = read_records(options.records)
+    if options.page is None:
         print_table(records)
     else:
-        given.page.write_text(
-            tables.replaced(given.page.read_text(encoding="utf-8"), tables.short_table(records)),
+        options.page.write_text(
+            tables.replaced(options.page.read_text(encoding="utf-8"), tables.short_table(records)),
             encoding="utf-8",
             newline="\n",
         )
 
 
-def choose_settings(given: argparse.Namespace, problem: Problem) -> list[Setting]:
+def choose_settings(options: argparse.Namespace, problem: Problem) -> list[Setting]:
     """Every combination asked for that exists; SciPy only in float64, on the most threads."""
     settings = []
-    for device, method, precision in itertools.product(given.devices, given.methods, given.precisions):
+    for device, method, precision in itertools.product(options.devices, options.methods, options.precisions):
         choose_device(device)
-        threads = given.threads if device == "cpu" else [1]
+        threads = options.threads if device == "cpu" else [1]
         if method == outside.OUTSIDE:
-            if device != "cpu" or precision != given.precisions[0]:
+            if device != "cpu" or precision != options.precisions[0]:
                 continue
             if not outside.available():
                 print(f"{method}: left out, SciPy is not installed", file=sys.stderr)
@@ -131,23 +130,23 @@ def print_table(records: Sequence[Record]) -> None:
     print(f"\n{tables.short_table(records)}")
 
 
-def scene_costs(given: argparse.Namespace) -> None:
+def scene_costs(options: argparse.Namespace) -> None:
     """Prints the table of what each part of a scene costs."""
-    print(scenes.scenes_table(read_problem(given.problem), _setting(given)))
+    print(scenes.scenes_table(read_problem(options.problem), _setting(options)))
 
 
-def scale(given: argparse.Namespace) -> None:
+def scale(options: argparse.Namespace) -> None:
     """Prints the tables of mesh sizes and of increments."""
-    measured = scaling.sizes(given.what, given.tets, _setting(given))
+    measured = scaling.sizes(options.what, options.tets, _setting(options))
     for name, group in itertools.groupby(measured, key=lambda size: size.name):
-        print(f"\n{name}, {given.device}, {given.precision}\n")
+        print(f"\n{name}, {options.device}, {options.precision}\n")
         print(scaling.size_table(list(group)))
 
 
-def _setting(given: argparse.Namespace) -> Setting:
-    choose_device(given.device)
-    threads = given.threads if given.device == "cpu" else 1
-    return Setting(method="newton", threads=threads, precision=given.precision, device=given.device)
+def _setting(options: argparse.Namespace) -> Setting:
+    choose_device(options.device)
+    threads = options.threads if options.device == "cpu" else 1
+    return Setting(method="newton", threads=threads, precision=options.precision, device=options.device)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -89,8 +89,8 @@ def check(path: Path) -> Iterator[str]:
 def offences(prose: str) -> list[tuple[int, str]]:
     """The number of each line with an offence, and the offence."""
     prose = re.sub(r"`[^`\n]*`", "", prose).encode(errors="replace").decode()
-    found = LintFile("text", prose).lint(_config()) if prose.strip() else []
-    return [(one.pos[0], one.check_result.message) for one in found]
+    results = LintFile("text", prose).lint(_config()) if prose.strip() else []
+    return [(result.pos[0], result.check_result.message) for result in results]
 
 
 def noun_clauses(text: str) -> list[tuple[int, str]]:
@@ -116,23 +116,23 @@ def of_template(text: str) -> str:
 
 def of_code(text: str) -> str:
     """Docstrings, messages and comments of a source, line by line where they were."""
-    found = [
+    pieces = [
         (node.lineno, node.value)
         for node in ast.walk(ast.parse(text))
         if isinstance(node, ast.Constant) and isinstance(node.value, str)
     ]
     tokens = tokenize.generate_tokens(io.StringIO(text).readline)
-    found += [(token.start[0], token.string.lstrip("# ")) for token in tokens if token.type == tokenize.COMMENT]
+    pieces += [(token.start[0], token.string.lstrip("# ")) for token in tokens if token.type == tokenize.COMMENT]
     lines = [""] * (text.count("\n") + 2)
-    for first, prose in found:
+    for first, prose in pieces:
         if len(prose.split()) >= LEAST_WORDS:
             for number, line in enumerate(prose.splitlines(), first):
                 lines[min(number, len(lines) - 1) - 1] += f" {line}"
     return "\n".join(lines)
 
 
-def _blank(found: re.Match[str]) -> str:
-    return " " + "\n" * found[0].count("\n")
+def _blank(match: re.Match[str]) -> str:
+    return " " + "\n" * match[0].count("\n")
 
 
 def _config() -> Config:

@@ -1,7 +1,7 @@
 """Predictions on several bodies with curves as published, and a drawn cohort beside published means.
 
     python scripts/compare_bodies.py ANATOMY BODIES > table.md
-    python scripts/compare_bodies.py ANATOMY BODIES --known
+    python scripts/compare_bodies.py ANATOMY BODIES --imposed-curves
     python scripts/compare_bodies.py ANATOMY BODIES --precision float64
     python scripts/compare_bodies.py ANATOMY BODIES --patients 60 --jobs 8
 
@@ -86,7 +86,7 @@ class Options:
     """How many patients are drawn; 0 compares the mean curves on each body."""
     seed: int = 1
     """Of all draws."""
-    known: bool = False
+    imposed_curves: bool = False
     """Give the bones after surgery: those of the trunk on which the corrected curve is imposed."""
     precision: Literal["float32", "float64"] = "float32"
     """Of the simulation."""
@@ -142,7 +142,7 @@ class Outcome:
     @property
     def hump(self) -> tuple[float, float]:
         """Rotation of the back there, before and after [degrees]."""
-        return tuple(abs(one.bsr[self.worst] or math.nan) for one in (self.before, self.after))  # pyright: ignore
+        return tuple(abs(state.bsr[self.worst] or math.nan) for state in (self.before, self.after))  # pyright: ignore
 
     @property
     def hump_over_cobb(self) -> float:
@@ -184,21 +184,21 @@ def _bodies(folders: list[Path], options: Options) -> None:
         "| body | curve | plan [%] | hump / Cobb | shoulders [mm] | T12, L1, L2 less expected | freed | inverted |"
     )
     print("|---|---|---|---|---|---|---|---|")
-    found: list[Outcome] = []
+    done: list[Outcome] = []
     tasks: list[tuple[Path, Kind]] = [(folder, kind) for folder in folders for kind in CURVES]
     for (folder, kind), outcomes in zip(tasks, _each(_curve, tasks, options), strict=True):
-        for correction, one in zip(CORRECTIONS, outcomes, strict=True):
-            found.append(one)
-            shoulders = [side.difference for m in (one.before, one.after) if (side := m.shoulders)]
-            off = ", ".join(f"{one.off[level]:+z.1f}" for level in ("T12", "L1", "L2"))
-            off += "" if one.status is RelaxStatus.CONVERGED else f" {one.status.name}"
+        for correction, o in zip(CORRECTIONS, outcomes, strict=True):
+            done.append(o)
+            shoulders = [side.difference for m in (o.before, o.after) if (side := m.shoulders)]
+            off = ", ".join(f"{o.off[level]:+z.1f}" for level in ("T12", "L1", "L2"))
+            off += "" if o.status is RelaxStatus.CONVERGED else f" {o.status.name}"
             print(
-                f"| {folder.name} | {kind} {CURVES[kind]:.0f} | {100 * correction:.0f} | {one.hump_over_cobb:.2f} "
-                f"| {shoulders[0]:z.0f} to {shoulders[1]:z.0f} | {off} | {one.released} | {one.inverted} |",
+                f"| {folder.name} | {kind} {CURVES[kind]:.0f} | {100 * correction:.0f} | {o.hump_over_cobb:.2f} "
+                f"| {shoulders[0]:z.0f} to {shoulders[1]:z.0f} | {off} | {o.released} | {o.inverted} |",
                 flush=True,
             )
-    after = np.array([one.after.shoulders.difference for one in found if one.after.shoulders])
-    off = np.array([list(one.off.values()) for one in found])
+    after = np.array([o.after.shoulders.difference for o in done if o.after.shoulders])
+    off = np.array([list(o.off.values()) for o in done])
     differences = ", ".join(
         f"{level} {mean:+z.1f} ± {sd:.1f}"
         for level, mean, sd in zip(CROSS_SECTION, off.mean(axis=0), off.std(axis=0), strict=True)
@@ -207,7 +207,7 @@ def _bodies(folders: list[Path], options: Options) -> None:
 - shoulders after: {after.mean():.1f} mm in the mean, {np.abs(after).max():.1f} at most
 - change of the back less that of the cross-section of patients: {differences} degrees
 - rows within {AGREES} degrees of it at all of these levels: {(np.abs(off) <= AGREES).all(axis=1).sum()}""")
-    _print_ends(found, [kind for _, kind in tasks for _ in CORRECTIONS])
+    _print_ends(done, [kind for _, kind in tasks for _ in CORRECTIONS])
 
 
 def _curve(task: tuple[Path, Kind], options: Options) -> list[Outcome]:
@@ -219,7 +219,7 @@ def _curve(task: tuple[Path, Kind], options: Options) -> list[Outcome]:
         operated(
             patient,
             plan_for(task[1], correction),
-            make_case(skin, bones, curve.corrected(correction), 0.0) if options.known else None,
+            make_case(skin, bones, curve.corrected(correction), 0.0) if options.imposed_curves else None,
         )
         for correction in CORRECTIONS
     ]
@@ -227,9 +227,9 @@ def _curve(task: tuple[Path, Kind], options: Options) -> list[Outcome]:
 
 def _cohort(folders: list[Path], options: Options) -> None:
     tasks = [(number, folders) for number in range(options.patients)]
-    found, kinds, refused = zip(*_each(_drawn, tasks, options), strict=True)
-    _print_cohort(found)
-    _print_ends(found, kinds)
+    outcomes, kinds, refused = zip(*_each(_drawn, tasks, options), strict=True)
+    _print_cohort(outcomes)
+    _print_ends(outcomes, kinds)
     print(f"- curves that were refused and drawn again: {sum(refused)}")
 
 
@@ -260,10 +260,10 @@ def _each(work: Callable[[Any, Options], Any], tasks: list[Any], options: Option
         yield from pool.map(work, tasks, [options] * len(tasks))
 
 
-def _print_ends(found: Sequence[Outcome], kinds: Sequence[Kind]) -> None:
+def _print_ends(outcomes: Sequence[Outcome], kinds: Sequence[Kind]) -> None:
     """How the simulations ended, and how much of the hump went."""
     of_kinds = np.array(kinds)
-    numbers = np.array([(*one.hump, one.hump_over_cobb) for one in found])
+    numbers = np.array([(*o.hump, o.hump_over_cobb) for o in outcomes])
     for kind in CURVES:
         before, after, part = numbers[of_kinds == kind].T
         if len(part):
@@ -272,35 +272,35 @@ def _print_ends(found: Sequence[Outcome], kinds: Sequence[Kind]) -> None:
                 f"- {kind}: largest rotation {before.mean():.1f} to {after.mean():.1f} degrees, hump over Cobb "
                 f"{part.mean():.2f} ± {part.std():.2f}, {within} of {len(part)} in 0.58 ± 0.10"
             )
-    released = [one.released for one in found if one.released]
+    released = [o.released for o in outcomes if o.released]
     nodes = f"{min(released)} to {max(released)} nodes" if released else "no node"
-    mild = [one.warned for one in found if one.cobb[0] <= 55.0]
-    print(f"""- simulations: {len(found)}, converged: {sum(one.status is RelaxStatus.CONVERGED for one in found)}
-- with inverted tetrahedra: {sum(one.inverted > 0 for one in found)}
+    mild = [o.warned for o in outcomes if o.cobb[0] <= 55.0]
+    print(f"""- simulations: {len(outcomes)}, converged: {sum(o.status is RelaxStatus.CONVERGED for o in outcomes)}
+- with inverted tetrahedra: {sum(o.inverted > 0 for o in outcomes)}
 - with tissue released from bone: {len(released)}, at {nodes}
-- warned of: {sum(one.warned for one in found)}; of curves up to 55 degrees {sum(mild)} of {len(mild)}""")
+- warned of: {sum(o.warned for o in outcomes)}; of curves up to 55 degrees {sum(mild)} of {len(mild)}""")
 
 
-def _print_cohort(found: Sequence[Outcome]) -> None:
+def _print_cohort(outcomes: Sequence[Outcome]) -> None:
     """The drawn patients beside published ones; docs/bodies.md has the sources (a) to (h)."""
     rows: dict[str, tuple[list[tuple[float, float]], str]] = {
-        "Cobb angle [degrees]": ([one.cobb for one in found], "54.6 ± 9.5 to 14.5 ± 7.5 (a)"),
+        "Cobb angle [degrees]": ([o.cobb for o in outcomes], "54.6 ± 9.5 to 14.5 ± 7.5 (a)"),
         "rotation of the back where it is largest [degrees]": (
-            [one.hump for one in found],
+            [o.hump for o in outcomes],
             "hump 12.3 ± 3.6 to 7.2 ± 3.8, -41 % for Cobb -71 % (b); surface 17.4 to 11.8, -32 % for -76 % (g); "
             "16.1 to 10.3, -36 % for -71 % (h)",
         ),
-        "axial rotation of the apex [degrees]": ([one.apical for one in found], "12 to 5 for Cobb 51 to 15 (c)"),
-        "shoulder of the convex side higher by [mm]": (list(_to_convex(found)), "7.0 to -1.6 (d)"),
+        "axial rotation of the apex [degrees]": ([o.apical for o in outcomes], "12 to 5 for Cobb 51 to 15 (c)"),
+        "shoulder of the convex side higher by [mm]": (list(_to_convex(outcomes)), "7.0 to -1.6 (d)"),
         "tilt of T1 to the convex side [degrees]": (
-            [(-one.side * one.tilt[0], -one.side * one.tilt[1]) for one in found],
+            [(-o.side * o.tilt[0], -o.side * o.tilt[1]) for o in outcomes],
             "-2.6 ± 6.3 to 3.4 ± 5.5 (a); -0.1 to 2.4 (d)",
         ),
-        "rib-vertebra angle difference [degrees]": ([one.ribs for one in found], "-59 % for Cobb -64 % (e)"),
-        "height of the spine gained [mm]": ([(0.0, one.taller) for one in found], "about 22 (f)"),
+        "rib-vertebra angle difference [degrees]": ([o.ribs for o in outcomes], "-59 % for Cobb -64 % (e)"),
+        "height of the spine gained [mm]": ([(0.0, o.taller) for o in outcomes], "about 22 (f)"),
     }
     for level in ("T4", "T6", "T8", "T10", "T12", "L2", "L4"):
-        turned = [tuple(one.side * (m.bsr[level] or math.nan) for m in (one.before, one.after)) for one in found]
+        turned = [tuple(o.side * (m.bsr[level] or math.nan) for m in (o.before, o.after)) for o in outcomes]
         rows[f"rotation of the back at {level}, convex side back [degrees]"] = (turned, "")  # pyright: ignore
     print("| measure | before | after | change [%] | published |")
     print("|---|---|---|---|---|")
@@ -313,11 +313,11 @@ def _print_cohort(found: Sequence[Outcome]) -> None:
     print()
 
 
-def operated(patient: PreparedPatient, plan: Plan, known: Case | None = None) -> Outcome:
-    """One surgery simulated and measured; the bones after it are those of `known`, where that is given."""
+def operated(patient: PreparedPatient, plan: Plan, imposed: Case | None = None) -> Outcome:
+    """One surgery simulated and measured; the bones after it are those of `imposed`, where that is given."""
     landmarks = patient.case.landmarks_before
-    planned = known.landmarks_before if known else plan_surgery(patient.case, plan).landmarks_after
-    bones = dict(known.bones) if known else patient.case.bones_after
+    planned = imposed.landmarks_before if imposed else plan_surgery(patient.case, plan).landmarks_after
+    bones = dict(imposed.bones) if imposed else patient.case.bones_after
     case = dataclasses.replace(patient.case, landmarks_after=planned, bones_after=bones)
     prediction = prepare_plan(patient, case).relax()
     skin, last = prediction.skin, prediction.last
@@ -355,7 +355,7 @@ def _rib_vertebra_angles(case: Case, apex: str, convex: str) -> tuple[float, flo
         return math.nan, math.nan
     motions = motions_of(case)
     concave = "left" if convex == "right" else "right"
-    found = []
+    crossings = []
     for after in (False, True):
         spine = spine_of(case.planned_landmarks if after else case.landmarks_before)
         tilts, differences = [], []
@@ -370,14 +370,14 @@ def _rib_vertebra_angles(case: Case, apex: str, convex: str) -> tuple[float, flo
                 angles[side] = math.degrees(math.atan2(sign * x, -z)) + sign * tilt
             tilts.append(tilt)
             differences.append(angles[concave] - angles[convex])
-        found.append(float(np.polyfit(tilts, differences, 1)[1]))
-    return found[0], found[1]
+        crossings.append(float(np.polyfit(tilts, differences, 1)[1]))
+    return crossings[0], crossings[1]
 
 
-def _to_convex(found: Sequence[Outcome]) -> Iterator[tuple[float, float]]:
-    for one in found:
-        if one.before.shoulders and one.after.shoulders:
-            yield one.side * one.before.shoulders.difference, one.side * one.after.shoulders.difference
+def _to_convex(outcomes: Sequence[Outcome]) -> Iterator[tuple[float, float]]:
+    for o in outcomes:
+        if o.before.shoulders and o.after.shoulders:
+            yield o.side * o.before.shoulders.difference, o.side * o.after.shoulders.difference
 
 
 def plan_for(kind: Kind, correction: float) -> Plan:

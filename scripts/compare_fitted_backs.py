@@ -71,22 +71,22 @@ def compared(whole: Case, kind: str) -> dict[str, Any]:
     """Rotation of the back before and as predicted from both cases, and the errors of what is invented."""
     whole = replace(whole, landmarks_after=None)
     fit = fit_back(*cut_back(whole))
-    found: dict[str, Any] = {"distance": float(fit.distance.mean()), "share": fit.invented}
-    found |= errors_of_invented(whole, fit.case)
+    comparison: dict[str, Any] = {"distance": float(fit.distance.mean()), "share": fit.invented}
+    comparison |= errors_of_invented(whole, fit.case)
     uiv, liv = CURVES[kind][1]
     for case, which in ((whole, "whole"), (fit.case, "fitted")):
         main_curve = max(cobb_angles(case.landmarks_before), key=lambda curve: curve.angle)
         plan = Plan(uiv=uiv, liv=liv, curves=(CurvePlan(main_curve.apex, correction=CORRECTION),))
         result = simulate(case, plan, OPTIONS, Execution(record=False))
         place = result.table.place("main_hump_mm") or ""
-        found[which] = {
+        comparison[which] = {
             "status": result.status.name,
             "inverted": result.summary.inverted_tets,
             "before": rotations(result.measures_before),
             "after": rotations(result.measures),
             "hump": [result.table.value(state, "main_hump_mm", place) for state in (BEFORE, PREDICTED)],
         }
-    return found
+    return comparison
 
 
 def rotations(measures: Any) -> list[float]:
@@ -98,8 +98,8 @@ def errors_of_invented(whole: Case, fitted: Case) -> dict[str, float]:
     """Root mean square errors of ribs, turn of vertebrae and pelvis, and unseen skin."""
     ribs = [name for name in whole.bones.keys() & fitted.bones.keys() if name.startswith("rib_")]
     off = [SurfaceDistance(whole.bones[name]).at(fitted.bones[name].vertices) for name in ribs]
-    found, known = fitted.landmarks_before, whole.landmarks_before
-    turn = [turn_of(found, level) - turn_of(known, level) for level in VERTEBRAE]
+    fitted_marks, true_marks = fitted.landmarks_before, whole.landmarks_before
+    turn = [turn_of(fitted_marks, level) - turn_of(true_marks, level) for level in VERTEBRAE]
     assert fitted.unseen is not None
     low = fitted.skin.vertices[fitted.unseen]
     low = low[low[:, 2] < whole.landmarks_before.point("T1_superior_endplate")[2]]

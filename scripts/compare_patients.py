@@ -91,17 +91,17 @@ class Patient:
 def main(options: Options) -> None:
     """Prints the tables and draws the figure."""
     bodies = [read_body(folder) for folder in (options.anatomy, *trunks_in(options.bodies))]
-    found = []
+    patients = []
     for folder in sorted(path for path in options.patients.iterdir() if (path / "back.ply").is_file()):
         try:
-            found.append(compared(folder, bodies, options.turn))
+            patients.append(compared(folder, bodies, options.turn))
         except InputError as error:
             print(f"left out: {error}", file=sys.stderr, flush=True)
-    facing = float(np.mean([one.pelvis for one in found]))
-    twisted = [replace(one, imposed=one.imposed + (one.pelvis - facing) * TWIST) for one in found]
+    facing = float(np.mean([p.pelvis for p in patients]))
+    twisted = [replace(p, imposed=p.imposed + (p.pelvis - facing) * TWIST) for p in patients]
     for number, measure in enumerate(MEASURES):
-        print(f"\n{measure}, {len(found)} patients\n\n{table(twisted, number)}")
-        print(table(found, number).splitlines()[-1].replace("levels", "levels without the twist"))
+        print(f"\n{measure}, {len(patients)} patients\n\n{table(twisted, number)}")
+        print(table(patients, number).splitlines()[-1].replace("levels", "levels without the twist"))
     print(f"\n{groups(twisted)}")
     if options.figure is not None:
         draw(twisted, options.figure)
@@ -136,8 +136,8 @@ def compared(folder: Path, bodies: list[Body], turn: float) -> Patient:
         signed = curve.angle if curve.convex == "right" else -curve.angle
         curves[part] = max(curves[part], signed, key=abs)
     angles = [
-        np.array([[np.nan if value is None else value for value in row[2:]] for row in one.rows()]).T
-        for one in (real, imposed)
+        np.array([[np.nan if value is None else value for value in row[2:]] for row in back.rows()]).T
+        for back in (real, imposed)
     ]
     across = axes.across
     pelvis = float(np.degrees(np.arctan2(across[1], across[0])))
@@ -153,7 +153,7 @@ def spine_of_patient(folder: Path, markers: BackMarkers, turn: float) -> tuple[M
     return measured_spine(folder.name, body, -np.radians(turn) * way), way
 
 
-def table(found: list[Patient], measure: int) -> str:
+def table(patients: list[Patient], measure: int) -> str:
     """Real beside imposed by level, and over all levels."""
     rows = [
         "| level | real [°] | imposed [°] | gain, real [°/mm] | gain, imposed | r | error [°] | floor | zero |",
@@ -162,16 +162,16 @@ def table(found: list[Patient], measure: int) -> str:
     errors = []
     for name, levels in [*((level, (level,)) for level in LEVELS), ("T4 to T7", UPPER)]:
         at = [VERTEBRAE.index(level) for level in levels]
-        each = np.hstack([np.array([one.way, one.real[measure], one.imposed[measure]])[:, at] for one in found])
+        each = np.hstack([np.array([p.way, p.real[measure], p.imposed[measure]])[:, at] for p in patients])
         way, real, imposed = each[:, np.isfinite(each).all(axis=0)]
         floor = np.abs(real - np.polyval(np.polyfit(imposed, real, 1), imposed)).mean()
         error = (np.abs(real - imposed).mean(), floor, np.abs(real).mean())
         if len(levels) == 1:
             errors.append(error)
         cells = [f"{real.mean():.1f}", f"{imposed.mean():.1f}", gain(way, real), gain(way, imposed)]
-        cells += [f"{np.corrcoef(real, imposed)[0, 1]:.2f}", *(f"{one:.2f}" for one in error)]
+        cells += [f"{np.corrcoef(real, imposed)[0, 1]:.2f}", *(f"{number:.2f}" for number in error)]
         rows.append(f"| {name} | {' | '.join(cells)} |")
-    mean = " | ".join(f"{one:.2f}" for one in np.mean(errors, axis=0))
+    mean = " | ".join(f"{number:.2f}" for number in np.mean(errors, axis=0))
     return "\n".join([*rows, f"| mean of the levels | | | | | | {mean} |"])
 
 
@@ -184,38 +184,38 @@ def gain(way: np.ndarray, angle: np.ndarray) -> str:
     return f"{slope:.2f} ({slope - half:.2f} to {slope + half:.2f})"
 
 
-def by_group(found: list[Patient]) -> dict[str, list[Patient]]:
+def by_group(patients: list[Patient]) -> dict[str, list[Patient]]:
     """The patients of each group."""
-    names = sorted({one.group for one in found} - {""})
-    return {name: [one for one in found if one.group == name] for name in names}
+    names = sorted({patient.group for patient in patients} - {""})
+    return {name: [patient for patient in patients if patient.group == name] for name in names}
 
 
-def groups(found: list[Patient]) -> str:
+def groups(patients: list[Patient]) -> str:
     """Means of the groups, the dual tangent by level."""
     rows = [f"| group | n | back | {' | '.join(LEVELS)} |", f"|---|---|---|{'---|' * len(LEVELS)}"]
     at = [VERTEBRAE.index(level) for level in LEVELS]
-    for name, members in by_group(found).items():
-        curves = np.mean([(one.thoracic, one.lumbar) for one in members], axis=0)
+    for name, members in by_group(patients).items():
+        curves = np.mean([(patient.thoracic, patient.lumbar) for patient in members], axis=0)
         for kind in ("real", "imposed"):
-            mean = np.nanmean([getattr(one, kind)[0][at] for one in members], axis=0)
+            mean = np.nanmean([getattr(patient, kind)[0][at] for patient in members], axis=0)
             cells = " | ".join(f"{value:.1f}" for value in mean)
             rows.append(f"| {name}, {curves[0]:.0f}° and {curves[1]:.0f}° | {len(members)} | {kind} | {cells} |")
     return "\n".join(rows)
 
 
-def draw(found: list[Patient], file: Path) -> None:
+def draw(patients: list[Patient], file: Path) -> None:
     """Profiles of the groups: mean and standard deviation by level, real and imposed."""
     import matplotlib as mpl
 
     mpl.use("Agg")
     import matplotlib.pyplot as plt
 
-    members = by_group(found)
+    members = by_group(patients)
     figure, axes = plt.subplots(1, len(members), figsize=(4.2 * len(members), 5.0), sharey=True, squeeze=False)
     rows = np.arange(3, len(VERTEBRAE) - 1)
     for ax, (name, group) in zip(axes[0], members.items(), strict=True):
         for kind, colour in (("real", "black"), ("imposed", "tab:red")):
-            values = np.array([getattr(one, kind)[0][rows] for one in group])
+            values = np.array([getattr(patient, kind)[0][rows] for patient in group])
             mean, deviation = np.nanmean(values, axis=0), np.nanstd(values, axis=0)
             ax.plot(mean, -rows, color=colour, label=kind)
             ax.fill_betweenx(-rows, mean - deviation, mean + deviation, color=colour, alpha=0.15, lw=0.0)

@@ -79,15 +79,15 @@ def main(options: Options) -> None:
     skin, bones = read_trunk(options.anatomy)
     if options.skin_edge:
         skin = coarsen(skin, options.skin_edge, 0.2 * options.skin_edge)
-    known = {}
+    truth = {}
     for number in range(options.first, options.first + options.cases):
         folder = options.out / f"virtual_{number:03d}"
         random = np.random.default_rng([options.seed, number])
         drawn, cases, attempts = patient(folder.name, skin, bones, options, random)
         for name, case in cases.items():
             write_case(folder.with_name(name), case)
-        known[folder.name] = {"draws": attempts, **dataclasses.asdict(drawn)}
-        (options.out / "truth.json").write_text(json.dumps(known, indent=2) + "\n", encoding="utf-8", newline="\n")
+        truth[folder.name] = {"draws": attempts, **dataclasses.asdict(drawn)}
+        (options.out / "truth.json").write_text(json.dumps(truth, indent=2) + "\n", encoding="utf-8", newline="\n")
         print(f"{folder.name}: {cases[folder.name].name}, {attempts} draws", flush=True)
 
 

@@ -92,15 +92,15 @@ def help_of(command: str) -> str:
     return re.sub(r"\x1b\[[0-9;]*m", "", printed.getvalue()).strip()
 
 
-def described(name: str, found: Any) -> str:
+def described(name: str, source: Any) -> str:
     """A function, or a class with its fields and methods: signature and docstring."""
     parts = [f"### {name}"]
-    if not inspect.isclass(found):
-        return "\n\n".join([*parts, _signature(name, found), _markdown(found)])
-    parts.append(_markdown(found))
-    if table := fields_of(found):
+    if not inspect.isclass(source):
+        return "\n\n".join([*parts, _signature(name, source), _markdown(source)])
+    parts.append(_markdown(source))
+    if table := fields_of(source):
         parts.append(table)
-    for member, value in vars(found).items():
+    for member, value in vars(source).items():
         function = value.__func__ if isinstance(value, classmethod | staticmethod) else value
         if member.startswith("_") or not getattr(function, "__doc__", None):
             continue
@@ -136,9 +136,9 @@ def fields_of(record: type) -> str:
     return "\n".join(["| entry | meaning | type |", "|---|---|---|", *rows]) if rows else ""
 
 
-def _markdown(found: Any) -> str:
+def _markdown(source: Any) -> str:
     """A docstring as Markdown."""
-    text = EXAMPLE.sub(r"```pycon\n\g<0>\n```", inspect.getdoc(found) or "")
+    text = EXAMPLE.sub(r"```pycon\n\g<0>\n```", inspect.getdoc(source) or "")
     return SECTION.sub(lambda section: f"**{section[1]}**\n\n{_items(section[2])}\n", text).strip()
 
 

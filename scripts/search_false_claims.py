@@ -183,13 +183,13 @@ def judge(seed: int, energy: str | None) -> tuple[Draw, list[Claim]]:
 
 def true_distance(reference: Reference, displacement: np.ndarray, tolerance: float) -> float:
     """Largest distance of a node from the minimum downhill [mm]; infinite where what is found is a saddle."""
-    found = by_newton(reference, displacement, tolerance)
-    if found is None:
-        found = reference.equilibrium(displacement, tolerance)
-        curvature = np.linalg.eigvalsh(reference.hessian(found))
+    equilibrium = by_newton(reference, displacement, tolerance)
+    if equilibrium is None:
+        equilibrium = reference.equilibrium(displacement, tolerance)
+        curvature = np.linalg.eigvalsh(reference.hessian(equilibrium))
         if curvature[0] < -1e-9 * curvature[-1]:
             return float("inf")
-    return float(np.linalg.norm(found - displacement, axis=1).max())
+    return float(np.linalg.norm(equilibrium - displacement, axis=1).max())
 
 
 def by_newton(reference: Reference, displacement: np.ndarray, tolerance: float) -> np.ndarray | None:

@@ -125,7 +125,7 @@ def shaped(surface: Surface, drawn: Drawn) -> Surface:
 
 def curve_of(drawn: Drawn) -> SpineCurve:
     """The curve of a patient."""
-    shared = {one.name for one in dataclasses.fields(SpineCurve)} & vars(drawn).keys()
+    shared = {field.name for field in dataclasses.fields(SpineCurve)} & vars(drawn).keys()
     return SpineCurve(apical_rotation=drawn.rotation, **{name: getattr(drawn, name) for name in shared})
 
 

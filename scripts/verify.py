@@ -129,8 +129,8 @@ def intervals(trunk: Trunk, options: Options) -> Iterator[str]:
         for level, angle in measure(skin, after, case.skin).bsr.items():
             if level in values and angle is not None:
                 values[level].append(angle)
-    ratios = {level: bands[level].sd / np.std(found, ddof=1) for level, found in values.items()}
-    inside = [bool(bands[level].holds(one)) for level, found in values.items() for one in found]
+    ratios = {level: bands[level].sd / np.std(draws_at, ddof=1) for level, draws_at in values.items()}
+    inside = [bool(bands[level].holds(value)) for level, draws_at in values.items() for value in draws_at]
     yield "## 95 % intervals\n"
     yield (
         f"{draws} whole simulations with random errors of all landmarks (2.1 ± 1.5 mm before and after surgery) "
@@ -139,10 +139,10 @@ def intervals(trunk: Trunk, options: Options) -> Iterator[str]:
     )
     yield "| levels | ratio, mean | smallest | largest | simulations within the interval |"
     yield "|---:|---:|---:|---:|---:|"
-    found = np.array(list(ratios.values()))
+    all_ratios = np.array(list(ratios.values()))
     yield row(
-        len(found),
-        *(f"{x:.2f}" for x in (found.mean(), found.min(), found.max())),
+        len(all_ratios),
+        *(f"{x:.2f}" for x in (all_ratios.mean(), all_ratios.min(), all_ratios.max())),
         f"{100 * np.mean(inside):.0f} %",
     )
 
@@ -158,11 +158,11 @@ def landmarks(trunk: Trunk, options: Options) -> Iterator[str]:
     yield "|---|---:|---:|---:|---:|"
     for kind in CURVES:
         case = imposed(trunk, kind)
-        found = find_landmarks(case.bones).complete()
-        distance = np.linalg.norm(found.points - case.landmarks_before.points, axis=1)
+        marks_found = find_landmarks(case.bones).complete()
+        distance = np.linalg.norm(marks_found.points - case.landmarks_before.points, axis=1)
         angles = [
             f"{max(curve.angle for curve in measure(case.skin, marks).cobb):.1f}"
-            for marks in (found, case.landmarks_before)
+            for marks in (marks_found, case.landmarks_before)
         ]
         yield row(kind.replace("_", " "), f"{distance.mean():.1g}", f"{distance.max():.1g}", *angles)
 
@@ -178,11 +178,11 @@ def import_(trunk: Trunk, options: Options) -> Iterator[str]:
         body = ["--body", str(folder / "body.nii.gz"), "--out", str(folder / "imported")]
         command(["import", str(folder / "labels.nii.gz"), *body])
         imported = read_case(folder / "imported")
-    found, known = imported.landmarks_before, case.landmarks_before
-    distance = np.linalg.norm(found.points - [known.point(name) for name in found.names], axis=1)
+    made_marks, true_marks = imported.landmarks_before, case.landmarks_before
+    distance = np.linalg.norm(made_marks.points - [true_marks.point(name) for name in made_marks.names], axis=1)
     skins = compare_skins(imported.skin, case.skin, case.landmarks_before)
-    here, there = (measure(one.skin, one.landmarks_before).bsr for one in (case, imported))
-    angles = [abs(a - b) for level in here if (a := here[level]) is not None and (b := there[level]) is not None]
+    true, made = (measure(source.skin, source.landmarks_before).bsr for source in (case, imported))
+    angles = [abs(a - b) for level in true if (a := true[level]) is not None and (b := made[level]) is not None]
     yield "## Import of a label map\n"
     yield f"A thoracic curve of {CURVES['thoracic']:g}° as voxels of {spacing} mm, imported again.\n"
     yield "| landmarks, mean / largest [mm] | skin, mean [mm] | back surface rotation, mean / largest [°] |"
@@ -229,18 +229,18 @@ def ribs(trunk: Trunk, options: Options) -> Iterator[str]:
     for body, (skin, bones) in bodies.items():
         for kind, cobb in CURVES.items():
             case = make_case(skin, bones, SpineCurve(kind=kind, cobb=cobb, kyphosis=24.0), CORRECTION)
-            one = operated(ready(case, options.either(120_000, 150_000), increments=4), plan_for(kind, CORRECTION))
+            s = operated(ready(case, options.either(120_000, 150_000), increments=4), plan_for(kind, CORRECTION))
             shoulders = [
-                shape.shoulders.difference if shape.shoulders else np.nan for shape in (one.before, one.after)
+                shape.shoulders.difference if shape.shoulders else np.nan for shape in (s.before, s.after)
             ]
             yield row(
                 body.replace("_", " "),
                 kind.replace("_", " "),
-                f"{one.cobb[0]:.0f} to {one.cobb[1]:.0f}",
-                f"{one.hump_over_cobb:.2f}",
+                f"{s.cobb[0]:.0f} to {s.cobb[1]:.0f}",
+                f"{s.hump_over_cobb:.2f}",
                 f"{shoulders[0]:z.0f} to {shoulders[1]:z.0f}",
-                one.inverted,
-                one.status.name,
+                s.inverted,
+                s.status.name,
             )
 
 

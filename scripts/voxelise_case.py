@@ -94,7 +94,7 @@ def write_labels(
     nibabel.save(image, path)
 
 
-def theirs(name: str) -> str:
+def total_segmentator_name(name: str) -> str:
     """The name of a bone of a case in TotalSegmentator."""
     parts = name.split("_")
     if parts[0] == "rib":
@@ -114,26 +114,27 @@ def main() -> None:
     parser.add_argument("--spacing", type=float, nargs=3, default=(1.5, 1.5, 1.5), help="of the voxels [mm]")
     parser.add_argument("--turned", type=float, nargs=3, default=(0.0, 0.0, 0.0), help="about x, y, z [degrees]")
     parser.add_argument("--mirrored", action="store_true", help="the first axis runs to the patient's right")
-    given = parser.parse_args()
-    (given.out / "masks").mkdir(parents=True, exist_ok=True)
-    skin, bones = read_trunk(given.case)
-    turn = Rotation.from_euler("xyz", given.turned, degrees=True).as_matrix()
-    turn = turn @ np.diag([-1.0 if given.mirrored else 1.0, 1.0, 1.0])
-    a, b, c = given.spacing
+    options = parser.parse_args()
+    (options.out / "masks").mkdir(parents=True, exist_ok=True)
+    skin, bones = read_trunk(options.case)
+    turn = Rotation.from_euler("xyz", options.turned, degrees=True).as_matrix()
+    turn = turn @ np.diag([-1.0 if options.mirrored else 1.0, 1.0, 1.0])
+    a, b, c = options.spacing
     affine, shape = grid_around(skin, (a, b, c), turn)
     numbers = {name: number for number, name in TABLES["totalsegmentator-v2"].items()}
-    surfaces = [(numbers[theirs(name)], bone) for name, bone in bones.items()]
+    surfaces = [(numbers[total_segmentator_name(name)], bone) for name, bone in bones.items()]
     labels, present = label_map(surfaces, affine, shape), dict(surfaces)
     names = TABLES["totalsegmentator-v2"]
-    write_labels(given.out / "labels.nii.gz", labels, affine, names)
+    write_labels(options.out / "labels.nii.gz", labels, affine, names)
     for number in present:
-        write_labels(given.out / "masks" / f"{names[number]}.nii.gz", (labels == number).astype(np.uint8), affine)
+        mask = (labels == number).astype(np.uint8)
+        write_labels(options.out / "masks" / f"{names[number]}.nii.gz", mask, affine)
     box, inside = voxelise(skin, affine, shape)
     body = np.zeros(shape, dtype=np.uint8)
     body[box] = inside
-    for folder in (given.out, given.out / "masks"):
+    for folder in (options.out, options.out / "masks"):
         write_labels(folder / "body.nii.gz", body, affine)
-    print(f"{len(present)} labels on {' x '.join(map(str, shape))} voxels written to {given.out}")
+    print(f"{len(present)} labels on {' x '.join(map(str, shape))} voxels written to {options.out}")
 
 
 if __name__ == "__main__":

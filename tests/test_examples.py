@@ -36,7 +36,7 @@ def test_example_of_every_public_name(
     name: str, result: wt.Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(wp.config, "log_level", wp.LOG_WARNING)  # what loading prints is no output
-    known: dict[str, Any] = {
+    names: dict[str, Any] = {
         "wt": wt,
         "np": np,
         "dataclasses": dataclasses,
@@ -47,7 +47,7 @@ def test_example_of_every_public_name(
         "bones": spine_and_hips(),
         "folder": tmp_path,
     }
-    (example,) = doctest.DocTestFinder(recurse=False).find(getattr(wt, name), name, globs=known)
+    (example,) = doctest.DocTestFinder(recurse=False).find(getattr(wt, name), name, globs=names)
     assert example.examples, "has no example"
     runner = doctest.DocTestRunner(optionflags=doctest.IGNORE_EXCEPTION_DETAIL)
     assert runner.run(example).failed == 0

@@ -121,17 +121,17 @@ def numbers(folder: Path, state: str) -> dict[tuple[str, str], float]:
 
 @pytest.mark.parametrize("state", STATES)
 def test_the_summary_has_the_numbers_of_the_construction(both: tuple[Shown, Shown], state: str) -> None:
-    found, known = numbers(both[0].folder, state), known_numbers(STATES[state], state)
-    assert {name: found[name] for name in known} == pytest.approx(known, abs=0.05)
-    lumbar = {name: value for name, value in found.items() if name[0] == "bsr_deg" and name[1].startswith("L")}
-    assert max(lumbar.values()) < 0.0 < found["bsr_deg", "T8"]
+    shown, expected = numbers(both[0].folder, state), known_numbers(STATES[state], state)
+    assert {name: shown[name] for name in expected} == pytest.approx(expected, abs=0.05)
+    lumbar = {name: value for name, value in shown.items() if name[0] == "bsr_deg" and name[1].startswith("L")}
+    assert max(lumbar.values()) < 0.0 < shown["bsr_deg", "T8"]
 
 
 @pytest.mark.parametrize("state", STATES)
 def test_the_mirror_image_has_every_number_on_the_other_side(both: tuple[Shown, Shown], state: str) -> None:
-    own, mirrored = (numbers(one.folder, state) for one in both)
+    own, mirrored = (numbers(patient.folder, state) for patient in both)
     assert own.keys() == mirrored.keys()
-    twins = EXCHANGED | {other: one for one, other in EXCHANGED.items()}
+    twins = EXCHANGED | {other: name for name, other in EXCHANGED.items()}
     wanted = {}
     for (quantity, level), value in own.items():
         size = None if value is None else 1e4 / value if quantity in RATIOS else value
@@ -204,7 +204,7 @@ def test_the_tables_of_the_page_have_the_numbers_of_their_level(patient: Shown) 
 
 def test_nothing_else_on_the_page_depends_on_the_side(both: tuple[Shown, Shown]) -> None:
     """Rows of numbers, but for ratios of one side to the other."""
-    own, mirrored = (one.page.rows for one in both)
+    own, mirrored = (patient.page.rows for patient in both)
     shared = [title for title in own if "ratio" not in title and "time" not in title.lower()]
     assert len(shared) > 50
     for title in shared:
@@ -227,11 +227,11 @@ def test_the_picture_of_the_shoulders_shows_the_higher_one_on_its_side(patient: 
 
 @pytest.mark.parametrize("name", ["back", "hump", "front", "shoulders"])
 def test_pictures_of_the_mirror_image_are_mirrored(both: tuple[Shown, Shown], name: str) -> None:
-    for own, mirrored in zip(*(one.figures[name].axes for one in both), strict=True):
+    for own, mirrored in zip(*(patient.figures[name].axes for patient in both), strict=True):
         if own.images:
-            one, other = (np.nan_to_num(np.array(axes.images[0].get_array())) for axes in (own, mirrored))
-            assert np.mean(np.abs(one - other[:, ::-1]) > 0.02) < 0.02
-            assert np.mean(np.abs(one - other) > 0.02) > 0.02
+            image, other = (np.nan_to_num(np.array(axes.images[0].get_array())) for axes in (own, mirrored))
+            assert np.mean(np.abs(image - other[:, ::-1]) > 0.02) < 0.02
+            assert np.mean(np.abs(image - other) > 0.02) > 0.02
 
 
 @pytest.mark.parametrize("name", ["back", "front"])
@@ -243,7 +243,7 @@ def test_the_deeper_waist_is_on_its_side_in_the_pictures(patient: Shown, name: s
             _, up = place(axes, 0.0, shape.waist[side][1])
             row = np.flatnonzero(outline[int((1.0 - up) * len(outline))]) + 0.5
             edges = [place_of_pixel / outline.shape[1] for place_of_pixel in (row.min(), row.max())]
-            edge = next(one for one in edges if side_at(axes, one) == patient.words(side))
+            edge = next(candidate for candidate in edges if side_at(axes, candidate) == patient.words(side))
             widths[side] = abs(edge - 0.5) * abs(np.subtract(*axes.get_xlim()))
         wanted = shape.waist["left"][0] - shape.waist["right"][0]
         assert widths["right"] - widths["left"] == pytest.approx(wanted, abs=4.0)

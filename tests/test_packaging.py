@@ -74,8 +74,8 @@ def test_every_other_file_is_listed_for_the_wheel():
         "setuptools"
     ]["package-data"]
     no_source = {".py", ".pyc"}
-    others = {path for path in ROOT.rglob("*") if path.is_file() and path.suffix not in no_source}
-    assert others == {ROOT.parent / room.replace(".", "/") / name for room in listed for name in listed[room]}
+    other_files = {path for path in ROOT.rglob("*") if path.is_file() and path.suffix not in no_source}
+    assert other_files == {ROOT.parent / room.replace(".", "/") / name for room in listed for name in listed[room]}
 
 
 def test_imports_keep_to_the_order_of_packages():

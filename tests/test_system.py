@@ -117,19 +117,19 @@ SYSTEM_NAMES = {
 
 def named(tree: ast.AST) -> set[str]:
     """The imports, attributes, keywords and names of a module, and the folders of the system in its texts."""
-    found: set[str] = set()
+    names: set[str] = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
+            names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            found |= {node.module or "", *(alias.name for alias in node.names)}
+            names |= {node.module or "", *(alias.name for alias in node.names)}
         elif isinstance(node, ast.Attribute):
-            found |= {node.attr, f"{getattr(node.value, 'id', '')}.{node.attr}"}
+            names |= {node.attr, f"{getattr(node.value, 'id', '')}.{node.attr}"}
         elif isinstance(node, ast.keyword | ast.Name):
-            found.add((node.arg if isinstance(node, ast.keyword) else node.id) or "")
+            names.add((node.arg if isinstance(node, ast.keyword) else node.id) or "")
         elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-            found |= {folder for folder in ("/proc/", "/sys/", "/dev/") if node.value.startswith(folder)}
-    return found & (SYSTEM_NAMES | {"sys.platform", "os.name", "/proc/", "/sys/", "/dev/"})
+            names |= {folder for folder in ("/proc/", "/sys/", "/dev/") if node.value.startswith(folder)}
+    return names & (SYSTEM_NAMES | {"sys.platform", "os.name", "/proc/", "/sys/", "/dev/"})
 
 
 def test_one_file_knows_the_system() -> None:

@@ -13,7 +13,7 @@ _SOURCES = ("warp_trunk", "kernels", "scripts")
 
 def unstated(code: str) -> list[str]:
     """The calls that read or write text and leave its encoding, or the ends of its lines, to the system."""
-    found: list[str] = []
+    calls: list[str] = []
     for node in ast.walk(ast.parse(code)):
         if not isinstance(node, ast.Call):
             continue
@@ -29,8 +29,8 @@ def unstated(code: str) -> list[str]:
             or stated.get("text") == "True"
             or "universal_newlines" in stated
         ):
-            found.append(ast.unparse(node))
-    return found
+            calls.append(ast.unparse(node))
+    return calls
 
 
 def test_no_text_is_left_to_the_system() -> None:

@@ -21,7 +21,7 @@ class InputError(ValueError):
 
     def __str__(self) -> str:
         """One line, also where a name or a value in it holds line breaks or what no terminal can show."""
-        return _UNSEEN.sub(lambda found: found[0].encode("unicode_escape").decode(), super().__str__())
+        return _UNSEEN.sub(lambda match: match[0].encode("unicode_escape").decode(), super().__str__())
 
 
 class WrongTypeError(InputError, TypeError):
@@ -39,11 +39,11 @@ def expect(value: object, kind: type | UnionType, name: str, cure: str) -> None:
         raise WrongTypeError(f"{name} must be of type {wanted}, not {type(value).__name__}; {cure}")
 
 
-def as_path(given: object, name: str) -> Path:
+def as_path(value: object, name: str) -> Path:
     """A path that was given as text or pathlib.Path; WrongTypeError for anything else."""
-    if isinstance(given, str | Path):
-        return Path(given)
-    raise WrongTypeError(f"{name} must be a path, as text or pathlib.Path, not {type(given).__name__}; give one")
+    if isinstance(value, str | Path):
+        return Path(value)
+    raise WrongTypeError(f"{name} must be a path, as text or pathlib.Path, not {type(value).__name__}; give one")
 
 
 def within(value: float, bound: float) -> str:
@@ -53,7 +53,7 @@ def within(value: float, bound: float) -> str:
     return f"; the nearest is {bound:g}"
 
 
-def closest_name(word: str, known: Iterable[str]) -> str:
+def closest_name(word: str, names: Iterable[str]) -> str:
     """A question for the known word that is most like a word; empty where none is."""
-    near = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
+    near = difflib.get_close_matches(word, list(names), n=1, cutoff=0.5)
     return f" (did you mean '{near[0]}'?)" if near else ""

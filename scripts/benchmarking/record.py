@@ -95,12 +95,12 @@ def hardware(device: str) -> str:
 
 def versions() -> dict[str, str]:
     """Python, numpy, warp and warp_trunk."""
-    found = {"python": platform.python_version(), "numpy": np.__version__, "warp": wp.config.version}
+    by_package = {"python": platform.python_version(), "numpy": np.__version__, "warp": wp.config.version}
     try:
-        found["warp_trunk"] = metadata.version("warp-trunk")
+        by_package["warp_trunk"] = metadata.version("warp-trunk")
     except metadata.PackageNotFoundError:  # run from a checkout that is not installed
-        found["warp_trunk"] = "checkout"
-    return found
+        by_package["warp_trunk"] = "checkout"
+    return by_package
 
 
 def write_records(path: str | Path, records: Iterable[Record]) -> None:

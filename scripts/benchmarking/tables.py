@@ -31,26 +31,26 @@ def curves(records: Iterable[Record]) -> dict[Setting, list[Record]]:
     Raises:
         InputError: a curve with points of two machines or two meshes.
     """
-    found: dict[Setting, list[Record]] = {}
+    by_setting: dict[Setting, list[Record]] = {}
     for record in records:
-        points = found.setdefault(setting_of(record), [])
+        points = by_setting.setdefault(setting_of(record), [])
         points.append(record)
         for name in ("hardware", "tets"):
-            first, this = getattr(points[0], name), getattr(record, name)
-            if this != first:
+            first, value = getattr(points[0], name), getattr(record, name)
+            if value != first:
                 raise InputError(
-                    f"records: {record.method} on {record.device} has '{name}' {first} and {this}; "
+                    f"records: {record.method} on {record.device} has '{name}' {first} and {value}; "
                     "show them one by one"
                 )
-    return found
+    return by_setting
 
 
 def latest(files: Iterable[Iterable[Record]]) -> list[Record]:
     """The records of all files; a curve that a later file has again stands in the place of the earlier one."""
-    found: dict[Setting, list[Record]] = {}
+    by_curve: dict[Setting, list[Record]] = {}
     for records in files:
-        found.update(curves(records))
-    return [record for points in found.values() for record in points]
+        by_curve.update(curves(records))
+    return [record for points in by_curve.values() for record in points]
 
 
 def seconds_to(points: Iterable[Record], error: float) -> float | None:

@@ -42,8 +42,8 @@ class Timed:
     @property
     def converged(self) -> bool:
         """Whether every increment came to its tolerance."""
-        there = (RelaxStatus.CONVERGED, RelaxStatus.NEAR)
-        return all(relaxation.status in there for relaxation in self.relaxations)
+        ended = (RelaxStatus.CONVERGED, RelaxStatus.NEAR)
+        return all(relaxation.status in ended for relaxation in self.relaxations)
 
 
 def make_model(problem: Problem, setting: Setting) -> Model:

@@ -34,9 +34,9 @@ def folder(tmp_path):
 def test_writes_landmarks_of_a_case_or_a_folder_of_bones(folder, inside, capsys) -> None:
     out = folder / "found.csv"
     assert main(["landmarks", str(folder / inside), "--out", str(out)]) == 0
-    found = read_landmarks(out)
-    assert found.vertebrae() == ("T5", "T6", "T7")
-    assert len(found.names) == 3 * 6 + 2
+    landmarks = read_landmarks(out)
+    assert landmarks.vertebrae() == ("T5", "T6", "T7")
+    assert len(landmarks.names) == 3 * 6 + 2
     said = capsys.readouterr()
     assert "20 landmarks" in said.out
     assert "not found" not in said.err

@@ -71,9 +71,9 @@ def test_surface_in_the_case_folder_has_its_axes_and_units(place, tmp_path):
     theirs_too = (tmp_path, case, after)
     assert run(theirs_too, tmp_path / "case" / "actual_skin.ply", "--out", tmp_path / "inside") == OK
     assert run(theirs_too, folder / "after.ply", "--out", tmp_path / "beside") == OK
-    found = [table_of(tmp_path / name).values("after", "bsr_deg") for name in ("inside", "beside")]
-    assert found[0] == pytest.approx(found[1], abs=1e-6)
-    assert (found[0]["T7"] or 0.0) > 5.0
+    rotations = [table_of(tmp_path / name).values("after", "bsr_deg") for name in ("inside", "beside")]
+    assert rotations[0] == pytest.approx(rotations[1], abs=1e-6)
+    assert (rotations[0]["T7"] or 0.0) > 5.0
 
 
 @pytest.fixture(scope="module")
@@ -83,8 +83,8 @@ def result(tmp_path_factory):
 
 def test_a_result_needs_no_case(result, tmp_path, capsys):
     assert main(["measure", str(result), "--out", str(tmp_path / "m")]) == 0
-    found = read_result(result)
-    expected = measure(found.skin, found.landmarks_after).bsr["T4"]
+    read = read_result(result)
+    expected = measure(read.skin, read.landmarks_after).bsr["T4"]
     assert expected == pytest.approx(12.0, abs=0.1)
     assert "12 right" in capsys.readouterr().out
     assert record_of(tmp_path / "m")["tissue_volume_change_percent"] is not None

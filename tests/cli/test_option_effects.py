@@ -97,10 +97,10 @@ def asked(
     calls: list[str] = []
     kept_answers = answers(str(folder))
 
-    def kept(name: str, answer: Any = None) -> Callable[..., Any]:
+    def recorded(name: str, answer: Any = None) -> Callable[..., Any]:
         def call(*arguments: Any, **named: Any) -> Any:
             named.pop("progress", None)
-            shown = [str(one) for one in (*arguments, *named.items()) if "Progress" not in str(one)]
+            shown = [str(argument) for argument in (*arguments, *named.items()) if "Progress" not in str(argument)]
             calls.append(f"{name}: {shown}")
             if answer is None:
                 raise InputError("asked")
@@ -114,17 +114,17 @@ def asked(
         yield SimpleNamespace(dashboard_link="")
 
     for name in ("simulate", "patient_of"):
-        monkeypatch.setattr(simulate_command, name, kept(name))
-    monkeypatch.setattr(plan_command, "simulate", kept("simulate"))
+        monkeypatch.setattr(simulate_command, name, recorded(name))
+    monkeypatch.setattr(plan_command, "simulate", recorded("simulate"))
     monkeypatch.setattr(plan_command, "write_planned_case", lambda _, case, surgery: surgery.planned_case(case))
-    monkeypatch.setattr(plan_command, "best_plan", kept("best_plan"))
-    monkeypatch.setattr(opening, "plan_live", kept("plan_live"))
+    monkeypatch.setattr(plan_command, "best_plan", recorded("best_plan"))
+    monkeypatch.setattr(opening, "plan_live", recorded("plan_live"))
     monkeypatch.setattr(cohort_command, "connected", connected)
-    monkeypatch.setattr(cohort_command, "work", kept("work"))
+    monkeypatch.setattr(cohort_command, "work", recorded("work"))
     monkeypatch.setattr(
-        cohort_command, "calibrate", kept("calibrate", SimpleNamespace(converged=True, left_out=()))
+        cohort_command, "calibrate", recorded("calibrate", SimpleNamespace(converged=True, left_out=()))
     )
-    monkeypatch.setattr(cohort_command, "write_calibration", kept("write"))
+    monkeypatch.setattr(cohort_command, "write_calibration", recorded("write"))
 
     def run(words: str) -> list[str]:
         if words in kept_answers:
@@ -158,11 +158,11 @@ def test_with_an_option_something_else_is_asked_for(
     value, words = TABLE[command][flag], BASE[command].split()
     if "--live" in (flag, WITH.get((command, flag))):
         words.remove("--predict")
-    others = words
+    rest = words
     if flag in words:
         place = words.index(flag)
-        others = words[:place] + words[place + (2 if value else 1) :]
+        rest = words[:place] + words[place + (2 if value else 1) :]
     beside = WITH.get((command, flag), "")
-    without = asked(" ".join([*(words if value else others), beside]))
+    without = asked(" ".join([*(words if value else rest), beside]))
     assert without or not value
-    assert asked(" ".join([*others, beside, flag, value])) != without
+    assert asked(" ".join([*rest, beside, flag, value])) != without

@@ -54,7 +54,7 @@ def test_the_best_plan_is_the_one_that_is_written(
 
     monkeypatch.setattr(plan_command, "best_plan", searched)
     monkeypatch.setattr(plan_command, "best_plan_text", lambda _: "The best plan.")
-    given = ["--plan", str(case.parent / "a.toml"), "--aim", "hump", "--within", "T8,correction=0.2..0.8"]
-    assert main(["plan", str(case), *given, "--out", str(tmp_path / "planned")]) == OK
+    words = ["--plan", str(case.parent / "a.toml"), "--aim", "hump", "--within", "T8,correction=0.2..0.8"]
+    assert main(["plan", str(case), *words, "--out", str(tmp_path / "planned")]) == OK
     (curve,) = read_plan(tmp_path / "planned" / "plan.toml").curves
     assert curve.correction == 0.7

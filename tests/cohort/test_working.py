@@ -118,18 +118,18 @@ def test_what_is_done_is_kept_and_what_changed_is_done_again(cases: Path, alone:
         out.mkdir(exist_ok=True)
         (out / file.name).write_bytes(file.read_bytes())
     earlier = do_case(cases / "a", out, cohort_options())
-    assert earlier.kept
+    assert earlier.reused
     assert earlier.row.measures
     options = cohort_options()
     stiffer = dataclasses.replace(options.run, constants={"youngs_modulus": 5.0})
     changed = dataclasses.replace(options, run=stiffer)
     done = do_case(cases / "a", out, changed)
-    assert not done.kept
+    assert not done.reused
     assert done.notice == "'youngs_modulus' was 17.0 and is 5.0"
     moved = tmp_path / "case"
     write_case(moved, turned_case("first", 2.0, None))
     again = do_case(moved, out, changed)
-    assert (again.kept, again.notice) == (False, "'actual_skin' is another")
+    assert (again.reused, again.notice) == (False, "'actual_skin' is another")
 
 
 def test_only_this_machine_is_listened_to(client: Client) -> None:
@@ -158,7 +158,7 @@ def test_a_scheduler_that_is_lost_loses_no_result(cases: Path, alone: Path, tmp_
 
     with Client(cluster, timeout=5) as client, pytest.raises(InputError, match="the scheduler was lost"):
         work(client, [cases / name for name in "ab"], tmp_path, cohort_options(), Closing())
-    assert do_case(cases / "a", tmp_path / "a", cohort_options()).kept
+    assert do_case(cases / "a", tmp_path / "a", cohort_options()).reused
 
 
 @pytest.mark.parametrize(

@@ -110,12 +110,12 @@ def write_patient(folder: Path) -> None:
 
 def write_films(folder: Path, marks: dict[str, Landmarks]) -> None:
     """Both films of several sets of landmarks, each set with a prefix of its files; all share the projections."""
-    names = tuple(name for one in marks.values() for name in one.names)
-    films = biplanar(Landmarks(names, np.vstack([one.points for one in marks.values()])))
+    names = tuple(name for points in marks.values() for name in points.names)
+    films = biplanar(Landmarks(names, np.vstack([points.points for points in marks.values()])))
     for view, film in zip(("pa", "lateral"), films, strict=True):
-        for prefix, one in marks.items():
-            rows = [film.names.index(name) for name in one.names]
-            part = dataclasses.replace(film, names=one.names, points=film.points[rows])
+        for prefix, points in marks.items():
+            rows = [film.names.index(name) for name in points.names]
+            part = dataclasses.replace(film, names=points.names, points=film.points[rows])
             write_film(folder / f"{prefix}{view}.csv", folder / f"{view}.txt", part)
 
 

@@ -19,12 +19,12 @@ OUTSIDE = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.m
 
 def rows(page: str) -> dict[str, list[str]]:
     """Rows of the tables of a page, cells without Markdown, by each name in backticks in their first cell."""
-    found = {}
+    rows_of = {}
     for line in (ROOT / "docs" / page).read_text(encoding="utf-8").splitlines():
         cells = [cell.strip() for cell in line.strip("|").split("|")]
         for name in re.findall(r"`(\w+)`", cells[0]) if line.startswith("|") else []:
-            found[name] = cells
-    return found
+            rows_of[name] = cells
+    return rows_of
 
 
 def anchors(page: Path) -> set[str]:

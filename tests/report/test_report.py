@@ -147,7 +147,7 @@ def test_front_is_bare_only_where_that_is_asked_for(plain, tmp_path):
 
 def test_a_plan_and_bands_are_on_the_page(plain, tmp_path):
     """Fused vertebrae, the fingerprint of the plan, intervals, and a better and a worse back."""
-    folder = write_small_result(tmp_path, found=small_bands(len(small_case()[0].skin.vertices)))
+    folder = write_small_result(tmp_path, intervals=small_bands(len(small_case()[0].skin.vertices)))
     (folder / "plan.toml").write_text(
         'uiv = "T4"\nliv = "L1"\n[[curve]]\napex = "T8"\ncorrection = 0.65\n', encoding="utf-8"
     )
@@ -229,7 +229,7 @@ BANDS = OUTCOME_BANDS.bands
 
 
 def test_every_measure_with_a_band_has_its_row(tmp_path: Path) -> None:
-    read = read_result(write_small_result(tmp_path, found=OUTCOME_BANDS))
+    read = read_result(write_small_result(tmp_path, intervals=OUTCOME_BANDS))
     table = band_table(read.table, BANDS)
     rows = {row[0]: row[1:] for row in table}
     of_t4 = rows["Rotation of the back (BSR) at T4 [°]"]
@@ -240,7 +240,7 @@ def test_every_measure_with_a_band_has_its_row(tmp_path: Path) -> None:
 
 
 def test_measures_say_which_levels_lie_in_their_band(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    result = write_small_result(tmp_path / "result", turn_more=2.0, found=OUTCOME_BANDS)
+    result = write_small_result(tmp_path / "result", turn_more=2.0, intervals=OUTCOME_BANDS)
     Measure(skin=result, against=result / "actual_skin.ply", out=tmp_path).run()
     said = capsys.readouterr().out
     record = json.loads((tmp_path / "measures.json").read_text(encoding="utf-8"))

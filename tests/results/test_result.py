@@ -79,8 +79,8 @@ def test_what_is_not_finite_or_missing_is_null_in_json(simulated, tmp_path):
 def test_only_whole_files_are_left_and_an_old_recording_is_not(simulated, tmp_path):
     (tmp_path / "recording.rrd").write_bytes(b"of another simulation")
     (tmp_path / "actual_skin.ply").write_bytes(b"of another patient")
-    case, *others = simulated
-    result_of(replace(case, plan='uiv = "T4"\n'), *others).save(tmp_path)
+    case, *parts = simulated
+    result_of(replace(case, plan='uiv = "T4"\n'), *parts).save(tmp_path)
     assert read_result(tmp_path).plan == 'uiv = "T4"\n'
     result_of(*simulated).save(tmp_path)
     assert read_result(tmp_path).plan is None
@@ -131,13 +131,13 @@ def test_what_was_made_of_an_earlier_result_does_not_stand_beside_the_next(simul
     result_of(*simulated).save(tmp_path)
     (tmp_path / "report").mkdir()
     made = ["report.html", "report/back.png", "predicted_skin_measures.json", "predicted_skin_measures.csv"]
-    kept = ["notes.txt", "report/notes.txt", "report/my.png", "report/copy.png"]
-    for name in (*made, *kept):
+    of_user = ["notes.txt", "report/notes.txt", "report/my.png", "report/copy.png"]
+    for name in (*made, *of_user):
         (tmp_path / name).write_text("of the first", encoding="utf-8")
     for name in ("back", "copy"):
         (tmp_path / "report" / f"{name}.png").write_text(picture_source("back"), encoding="utf-8")
     result_of(*simulated).save(tmp_path)
-    assert [name for name in (*made, *kept) if (tmp_path / name).exists()] == kept
+    assert [name for name in (*made, *of_user) if (tmp_path / name).exists()] == of_user
 
 
 @pytest.fixture

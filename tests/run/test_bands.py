@@ -36,7 +36,7 @@ from warp_trunk.spine.cobb import curves_after, kyphosis
 from warp_trunk.spine.spine import spine_of
 
 CASE, TRUNK = boned_case()
-CERTAIN = Uncertainty(**{one.name: float(one.name in FACTORS) for one in fields(Uncertainty)})
+CERTAIN = Uncertainty(**{field.name: float(field.name in FACTORS) for field in fields(Uncertainty)})
 OPTIONS = RunOptions(bones="spline", precision="float64", simulation=SimulationOptions(increments=1))
 
 
@@ -51,10 +51,10 @@ def bands_of(draws: int = 8, **uncertain: float) -> FoundBands:
 
 
 def test_what_is_certain_has_no_band() -> None:
-    found = bands_of()
-    assert [row.sd for row in found.table.column("predicted", "bsr_deg").values()] == [0.0] * 4
-    assert found.skin_sd.max() == 0.0
-    exact = {(row.quantity, row.level): row.sd for row in found.rows if row.state == "exact"}
+    bands = bands_of()
+    assert [row.sd for row in bands.table.column("predicted", "bsr_deg").values()] == [0.0] * 4
+    assert bands.skin_sd.max() == 0.0
+    exact = {(row.quantity, row.level): row.sd for row in bands.rows if row.state == "exact"}
     bent = {name for name in exact if name[0] == "forward_bend_deg"}
     assert {sd for name, sd in exact.items() if name not in bent} == {0.0}
     assert [exact[name] for name in bent] == [pytest.approx(BENT_SD)] * len(bent)
@@ -69,7 +69,7 @@ def test_landmarks_against_whole_simulations() -> None:
     So few draws have a deviation of their own, 7 % off; the sensitivities give the error for the same draws.
     """
     spread = {"landmark_error": 1.0, "landmark_error_sd": 0.7}
-    found = bands_of(draws=64, **spread)
+    bands = bands_of(draws=64, **spread)
     straight, random = sensitivities(simulated())[:4], np.random.default_rng(11)
     names, said, rotations, skins = CASE.landmarks_before.names, [], [], []
     for _ in range(100):
@@ -83,20 +83,20 @@ def test_landmarks_against_whole_simulations() -> None:
         said.append([np.vdot(s.landmarks_before, before) + np.vdot(s.landmarks_after, after) for s in straight])
         rotations.append([*measure(skin, moved.planned_landmarks).bsr.values()])
         skins.append(skin.vertices)
-    drawn = np.std(said, axis=0) / [found.bands.sources[0].sd[s.quantity][s.level] for s in straight]
+    drawn = np.std(said, axis=0) / [bands.bands.sources[0].sd[s.quantity][s.level] for s in straight]
     wanted = np.std(np.array(rotations, dtype=np.float64), axis=0) / drawn
-    rows = found.table.column("predicted", "bsr_deg").values()
+    rows = bands.table.column("predicted", "bsr_deg").values()
     np.testing.assert_allclose([row.sd for row in rows], wanted, rtol=0.15)
     whole = np.sqrt(np.square(np.std(skins, axis=0)).sum(axis=1))  # every way: the normal's part is less
-    assert (found.skin_sd < 1.4 * whole).all()
-    assert 0.4 * whole.mean() < found.skin_sd.mean() < 1.1 * whole.mean()
+    assert (bands.skin_sd < 1.4 * whole).all()
+    assert 0.4 * whole.mean() < bands.skin_sd.mean() < 1.1 * whole.mean()
 
 
 def test_the_same_error_before_and_after_matters_less_and_sources_add_up() -> None:
-    found = bands_of(landmark_error=2.1, landmark_error_sd=1.5, cobb=5.0, theta=3.0, mesh_rotation=0.2)
-    sources, exact = found.bands.sources, found.table.column("exact", "bsr_deg")
+    bands = bands_of(landmark_error=2.1, landmark_error_sd=1.5, cobb=5.0, theta=3.0, mesh_rotation=0.2)
+    sources, exact = bands.bands.sources, bands.table.column("exact", "bsr_deg")
     assert sources[0].name == "landmarks"
-    for level, band in found.table.column("predicted", "bsr_deg").items():
+    for level, band in bands.table.column("predicted", "bsr_deg").items():
         assert band.sd <= np.linalg.norm([source.sd["bsr_deg"][level] for source in sources]) * 1.5
         assert exact[level].sd < band.sd
         low, value, high = np.array([band.low, band.value, band.high], dtype=float)
@@ -105,8 +105,8 @@ def test_the_same_error_before_and_after_matters_less_and_sources_add_up() -> No
 
 
 def test_effects_give_the_intervals_and_the_skin_of_a_likely_larger_hump() -> None:
-    found = bands_of(landmark_error=2.1, landmark_error_sd=1.5, cobb=5.0, theta=3.0)
-    rows, effects = found.table, found.effects
+    bands = bands_of(landmark_error=2.1, landmark_error_sd=1.5, cobb=5.0, theta=3.0)
+    rows, effects = bands.table, bands.effects
     for (quantity, level), own, by_landmarks, ratio in zip(
         effects.names.tolist(), effects.effects, effects.landmarks, effects.ratio, strict=True
     ):
@@ -116,8 +116,8 @@ def test_effects_give_the_intervals_and_the_skin_of_a_likely_larger_hump() -> No
     ((level, hump),) = rows.column("predicted", "main_hump_mm").items()
     assert level == simulated().measures_before.hump_level
     for sign in (1.0, -1.0):
-        there = replace(skin, vertices=skin.vertices + sign * effects.likely_worse)
-        height = measure(there, CASE.planned_landmarks).hump_height[level]
+        moved_skin = replace(skin, vertices=skin.vertices + sign * effects.likely_worse)
+        height = measure(moved_skin, CASE.planned_landmarks).hump_height[level]
         assert None not in (height, hump.value, hump.sd)
         value, sd = float(hump.value or 0.0), float(hump.sd or 0.0)
         assert float(height or 0.0) - value == pytest.approx(sign * np.copysign(1.2816 * sd, value), rel=0.3)
@@ -125,9 +125,9 @@ def test_effects_give_the_intervals_and_the_skin_of_a_likely_larger_hump() -> No
 
 def test_plans_that_share_errors_differ_by_less_than_each_alone() -> None:
     """Two plans of two numbers: the deviation of their difference against drawn errors."""
-    random, one = np.random.default_rng(5), bands_of(cobb=5.0).effects
+    random, effects = np.random.default_rng(5), bands_of(cobb=5.0).effects
     names = np.array([["bsr_deg", "T8"], ["main_hump_mm", "T8"]])
-    first = replace(one, names=names, sources=np.array(["a", "b"]), effects=np.array([[2.0, 1.0], [3.0, 0.0]]),
+    first = replace(effects, names=names, sources=np.array(["a", "b"]), effects=np.array([[2.0, 1.0], [3.0, 0.0]]),
                     landmarks=random.normal(size=(2, 6)), ratio=np.array([1.0, 1.2]))  # fmt: skip
     other = replace(first, sources=np.array(["b", "c"]), effects=np.array([[1.5, 0.5], [0.2, 2.0]]),
                     landmarks=first.landmarks + 0.1 * random.normal(size=(2, 6)))  # fmt: skip
@@ -138,9 +138,9 @@ def test_plans_that_share_errors_differ_by_less_than_each_alone() -> None:
         for each, own in ((first, (a, b)), (other, (b, c)))
     ]
     drawn = np.std(numbers[0] - numbers[1], axis=1)
-    found = first.difference_sd(other)
-    assert [found["bsr_deg", "T8"], found["main_hump_mm", "T8"]] == pytest.approx(drawn.tolist(), rel=0.01)
-    assert first.difference_sd(first) == {name: 0.0 for name in found}
+    sds = first.difference_sd(other)
+    assert [sds["bsr_deg", "T8"], sds["main_hump_mm", "T8"]] == pytest.approx(drawn.tolist(), rel=0.01)
+    assert first.difference_sd(first) == {name: 0.0 for name in sds}
 
 
 WHOLE = replace(whole_phantom(), uncertainty=Uncertainty())

@@ -18,7 +18,7 @@ from warp_trunk.run.intervals import find_bands
 from warp_trunk.run.options import Execution, RunOptions
 from warp_trunk.run.prediction import Prediction, prepare, prepare_plan
 
-CERTAIN = Uncertainty(**{one.name: float(one.name in FACTORS) for one in fields(Uncertainty)})
+CERTAIN = Uncertainty(**{field.name: float(field.name in FACTORS) for field in fields(Uncertainty)})
 SPREAD = replace(CERTAIN, landmark_error=1.0, landmark_error_sd=0.7)
 ON_CPU = Execution(device="cpu", threads=1)
 
@@ -33,7 +33,7 @@ def relaxed() -> Prediction:
 
 def test_rigid_bones_have_the_intervals_of_whole_simulations() -> None:
     """24 simulations with drawn landmarks: so few have standard deviations of their own that are 15 % off."""
-    found, case, random = find_bands(relaxed()), relaxed().case, np.random.default_rng(3)
+    bands, case, random = find_bands(relaxed()), relaxed().case, np.random.default_rng(3)
     names, normals = case.landmarks_before.names, vertex_normals(relaxed().skin)
     rotations, along = [], []
     for _ in range(24):
@@ -47,10 +47,10 @@ def test_rigid_bones_have_the_intervals_of_whole_simulations() -> None:
         rotations.append([*measure(skin, moved.planned_landmarks).bsr.values()])
         along.append(np.einsum("vi,vi->v", skin.vertices - relaxed().skin.vertices, normals))
     drawn = np.std(np.array(rotations, dtype=float), axis=0)
-    sds = np.array([row.sd for row in found.table.column("predicted", "bsr_deg").values()])
+    sds = np.array([row.sd for row in bands.table.column("predicted", "bsr_deg").values()])
     assert 0.6 < np.median(sds / drawn) < 1.6
     spread = np.std(along, axis=0)
-    assert 0.6 < np.sqrt(np.square(found.skin_sd).mean() / np.square(spread).mean()) < 1.6
+    assert 0.6 < np.sqrt(np.square(bands.skin_sd).mean() / np.square(spread).mean()) < 1.6
 
 
 @pytest.mark.parametrize("mirrored", [False, True], ids=["on the right", "on the left"])

@@ -33,11 +33,11 @@ def no_processes(monkeypatch) -> None:
 def test_folders_that_cannot_be_written_are_cured_and_results_are_needed(monkeypatch, tmp_path) -> None:
     (tmp_path / "file").write_text("no folder", encoding="utf-8")
     monkeypatch.setenv("WARP_TRUNK_CACHE", str(tmp_path / "file" / "cache"))
-    found = findings(tmp_path / "file" / "results")
-    assert "WARP_TRUNK_CACHE" in found["meshes kept"].cure
-    assert not found["meshes kept"].needed
-    assert "--out" in found["results"].cure
-    assert found["results"].needed
+    by_name = findings(tmp_path / "file" / "results")
+    assert "WARP_TRUNK_CACHE" in by_name["meshes kept"].cure
+    assert not by_name["meshes kept"].needed
+    assert "--out" in by_name["results"].cure
+    assert by_name["results"].needed
     findings(tmp_path / "a" / "b")
     assert [path.name for path in tmp_path.iterdir()] == ["file"]  # probes leave nothing behind
 
@@ -50,11 +50,11 @@ def test_a_machine_without_display_and_browser_is_told_what_to_do(monkeypatch, t
     monkeypatch.setattr(webbrowser, "get", nothing)
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    found = findings(tmp_path)
-    assert "view --web" in found["display"].cure
-    assert "report.html" in found["browser"].cure
-    assert not found["display"].needed
-    assert not found["browser"].needed
+    by_name = findings(tmp_path)
+    assert "view --web" in by_name["display"].cure
+    assert "report.html" in by_name["browser"].cure
+    assert not by_name["display"].needed
+    assert not by_name["browser"].needed
 
 
 def test_command_ends_with_status_3_only_where_something_needed_is_missing(tmp_path, capsys, request) -> None:

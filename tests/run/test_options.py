@@ -37,8 +37,8 @@ from warp_trunk.run.unread_options import READERS, RunChoices, refuse_unread
         ({"bones": "spline", "skin_rigidity": 0.2}, "itmsm", 0.2),
     ],
 )
-def test_energy_and_stiff_skin_go_by_how_bones_move(given, energy, rigidity) -> None:
-    options = RunOptions(**given)
+def test_energy_and_stiff_skin_go_by_how_bones_move(changes, energy, rigidity) -> None:
+    options = RunOptions(**changes)
     taken = parameters(options)
     assert options.energy_of_tissue == taken["energy"] == energy
     assert options.rigidity_of_skin == taken["skin_rigidity"] == rigidity
@@ -124,8 +124,8 @@ def test_what_the_table_calls_read_moves_the_tissue_and_nothing_else_does(scene:
         reads = READERS[name].reads(RunChoices(options, layered=False))
         if (not reads and name in ("alpha", "weights", "gravity")) or (name == "alpha" and "gravity" in scene):
             continue  # refused by the model itself
-        found = pull(scene, **{name: float(value)}) if name in constants else pull({**scene, name: value})
-        assert (np.abs(found - usual).max() > 1e-9) == reads, name
+        pulled = pull(scene, **{name: float(value)}) if name in constants else pull({**scene, name: value})
+        assert (np.abs(pulled - usual).max() > 1e-9) == reads, name
 
 
 GRADIENT = SimulationOptions(relax=RelaxOptions(method="gradient"))

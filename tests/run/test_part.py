@@ -75,7 +75,7 @@ def test_several_motions_share_a_patient(tmp_path, capsys):
         words += ["--motions", str(tmp_path / f"{name}.toml")]
     assert main(words) == 0
     ways = [read_result(tmp_path / "out" / name) for name in ("near", "far")]
-    moved = [np.abs(one.skin.vertices - one.skin_before.vertices).max() for one in ways]
+    moved = [np.abs(result.skin.vertices - result.skin_before.vertices).max() for result in ways]
     assert moved[1] > 3.0 * moved[0]
     assert capsys.readouterr().err.count("meshing the soft tissue") == 1
 
@@ -94,10 +94,10 @@ def test_agreement_of_a_larger_ball_is_its_larger_radius():
     skin = part_case().skin
     for more, within in ((1.5, 100.0), (2.5, 0.0)):
         larger = Surface((1.0 + more / 80.0) * (skin.vertices - [0, 0, 100]) + [0, 0, 100], skin.faces)
-        found, signed = agreement(larger, skin)
-        assert found["distance_within_2_mm_percent"] == pytest.approx(within)
+        distances, signed = agreement(larger, skin)
+        assert distances["distance_within_2_mm_percent"] == pytest.approx(within)
         np.testing.assert_allclose(signed, more, atol=0.1)
-        assert found["distance_mean_mm"] == pytest.approx(more, abs=0.1)
+        assert distances["distance_mean_mm"] == pytest.approx(more, abs=0.1)
 
 
 def test_points_go_with_their_surface_and_the_ratio_is_that_of_the_ways(tmp_path):
@@ -174,7 +174,7 @@ def test_a_cohort_judges_a_part_by_its_actual_skin(tmp_path):
     case = part_case(front=Motion(translation=(0.0, -6.0, 0.0)))
     write_case(tmp_path / "a", replace(case, actual_skin=case.skin))
     row = do_case(tmp_path / "a", tmp_path / "out", CohortOptions(run=OPTIONS, execution=QUIET)).row
-    found = MeasureTable(row.measures)
+    table = MeasureTable(row.measures)
     assert row.counts
-    assert 0.1 < (found.value("error", "distance_mean_mm") or 0.0) < 6.0
-    assert found.value("before", "distance_mean_mm") == 0.0
+    assert 0.1 < (table.value("error", "distance_mean_mm") or 0.0) < 6.0
+    assert table.value("before", "distance_mean_mm") == 0.0

@@ -42,12 +42,12 @@ def test_observers_see_every_increment_and_the_skin_is_that_of_the_last() -> Non
     prediction, seen = prepare(case, options, trunk, execution=ON_CPU), list[float]()
     prediction.relax(lambda increment: seen.append(increment.load_factor), lambda _: seen.append(0.0))
     assert seen == [1 / 3, 0.0, 2 / 3, 0.0, 1.0, 0.0]
-    assert [one.number for one in prediction.increments] == [1, 2, 3]
+    assert [step.number for step in prediction.increments] == [1, 2, 3]
     assert prediction.converged
     moved = (trunk.nodes + prediction.last.displacement)[trunk.skin_nodes]
     np.testing.assert_allclose(prediction.skin.vertices, moved, atol=1e-12)
-    found = prediction.measures_at(prediction.last)
-    assert found.bsr == measure(prediction.skin, case.planned_landmarks, case.skin).bsr
+    measures = prediction.measures_at(prediction.last)
+    assert measures.bsr == measure(prediction.skin, case.planned_landmarks, case.skin).bsr
     assert prediction.relax().increments[-1].number == 3  # again, from before surgery
 
 
@@ -113,11 +113,11 @@ def planned(shift: float) -> Case:
 def test_every_plan_gives_the_bits_of_a_run_on_its_own(options: RunOptions, tmp_path: Path) -> None:
     springs = options.energy_of_tissue == "itmsm" and not options.gravity
     stiff = replace(CASE, tissue=Tissue(theta=20.0) if springs else Tissue(youngs_modulus=200.0))
-    kept = patient_of(stiff, options, TRUNK, execution=UNRECORDED)
+    shared = patient_of(stiff, options, TRUNK, execution=UNRECORDED)
     for number, shift in enumerate((12.0, -7.0, 12.0)):
         case = replace(planned(shift), tissue=stiff.tissue)
         alone = patient_of(case, options, TRUNK, execution=UNRECORDED)
-        for name, ready in (("kept", kept), ("alone", alone)):
+        for name, ready in (("kept", shared), ("alone", alone)):
             simulate(case, folder=tmp_path / f"{name} {number}", options=options, warnings=(), patient=ready)
         for file in ("predicted_skin.ply", "trunk.vtu", "landmarks_after.csv"):
             kept_file, alone_file = (tmp_path / f"{name} {number}" / file for name in ("kept", "alone"))
@@ -153,9 +153,9 @@ def devices_used(monkeypatch: pytest.MonkeyPatch) -> set[str]:
     used: set[str] = set()
     launch = wp.launch
 
-    def note(*arguments: Any, device: Any = None, **others: Any) -> Any:
+    def note(*arguments: Any, device: Any = None, **named: Any) -> Any:
         used.add(str(wp.get_device(device)))
-        return launch(*arguments, device=device, **others)
+        return launch(*arguments, device=device, **named)
 
     monkeypatch.setattr(wp, "launch", note)
     return used

@@ -89,8 +89,8 @@ def simulated(
 ) -> Result:
     """Three increments on one thread; the spline bends the only bone, which distinguishes tissues."""
     simulation = SimulationOptions(increments=3, relax=RelaxOptions(max_steps=max_steps, tolerance=1e-2))
-    given: dict[str, Any] = {"bones": "spline", **more}
-    options = RunOptions(simulation=simulation, from_mesh=mesh, **given)
+    fields: dict[str, Any] = {"bones": "spline", **more}
+    options = RunOptions(simulation=simulation, from_mesh=mesh, **fields)
     execution = Execution(device="cpu", threads=1, record=record)
     return simulate(
         case, None, options, execution, folder=out, progress=progress, warnings=()
@@ -135,11 +135,11 @@ def test_sag_and_the_times_of_stages_are_in_the_summary(case: Case, mesh: Path, 
 def test_bands_are_told_where_they_are_asked_for(case: Case, mesh: Path, tmp_path: Path, bands: bool) -> None:
     result = simulated(case, tmp_path, mesh, record=False, bands=bands)
     summary, told = result.summary, plain(result).splitlines()
-    known = {} if summary.bands is None else result.table.column("predicted", "bsr_deg")
+    with_bands = {} if summary.bands is None else result.table.column("predicted", "bsr_deg")
     rows = {row.partition(" ")[0]: row for row in told}
     assert any("19 of 20 between" in row for row in told) == bands
-    for level, one in known.items():
-        assert " ".join(rows[level].split()).endswith(f"{sided(one.low)} {sided(one.high)}")
+    for level, band in with_bands.items():
+        assert " ".join(rows[level].split()).endswith(f"{sided(band.low)} {sided(band.high)}")
     assert (summary.bands is not None) == bands == (tmp_path / "skin_sd.csv").is_file()
     assert summary.parameters["bands"] == bands
 
@@ -148,9 +148,9 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """How many levels each search of tangents is of, as it grows."""
     levels = list[int]()
 
-    def count(outlines: Mapping[str, Any], *others: Any) -> Any:
+    def count(outlines: Mapping[str, Any], *counted: Any) -> Any:
         levels.append(len(outlines))
-        return tangents_of(outlines, *others)
+        return tangents_of(outlines, *counted)
 
     for module in (measures, back_rotation):
         monkeypatch.setattr(module, "tangents_of", count)
@@ -180,12 +180,12 @@ def test_a_result_is_read_and_reported_as_it_was_measured(
     read = read_result(tmp_path)
     assert set(read.states) == set(result.states) == {"before", "predicted", "likely better", "likely worse"}
     for state, told in result.states.items():
-        kept = read.states[state]
-        assert kept.bsr == pytest.approx(told.bsr, abs=1e-9)
-        assert kept.hump_height == pytest.approx(told.hump_height, abs=1e-9)
+        state_read = read.states[state]
+        assert state_read.bsr == pytest.approx(told.bsr, abs=1e-9)
+        assert state_read.hump_height == pytest.approx(told.hump_height, abs=1e-9)
         for field in fields(TrunkMeasures):
             if field.name not in ("spine", "sacral_line", "outlines", "tangents"):  # arrays
-                assert getattr(kept, field.name) == getattr(told, field.name), field.name
+                assert getattr(state_read, field.name) == getattr(told, field.name), field.name
     write_report(read)
 
 

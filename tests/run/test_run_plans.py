@@ -65,15 +65,15 @@ def test_each_plan_has_a_result_as_if_it_was_alone(folder: Path, capsys: pytest.
     shared = Path("results/anna/more")
     for name in ("predicted_skin.ply", "trunk.vtu", "landmarks_before.csv", "landmarks_after.csv"):
         assert (shared / name).read_bytes() == Path("alone", name).read_bytes()
-    one, other = (
+    first, other = (
         json.loads((result / "summary.json").read_text(encoding="utf-8")) for result in (shared, Path("alone"))
     )
-    for summary in (one, other):
+    for summary in (first, other):
         for name in ("seconds", "peak_memory_mb"):
             del summary[name]
         for part in (*summary["increments"], *(step for i in summary["increments"] for step in i["history"])):
             del part["seconds"]
-    assert one == other
+    assert first == other
     results = [folder / "results/anna/less", shared]
     for result, file in zip(results, ("less.toml", "more/plan.toml"), strict=True):
         assert read_plan(result / "plan.toml") == read_plan(folder / file)  # by which it was made
@@ -88,9 +88,9 @@ def test_each_plan_has_a_result_as_if_it_was_alone(folder: Path, capsys: pytest.
         (("less.toml", "./less.toml"), "is called 'less' too"),
     ],
 )
-def test_one_that_cannot_be_is_refused_before_any_is_simulated(folder, monkeypatch, refused, given, rule):
+def test_one_that_cannot_be_is_refused_before_any_is_simulated(folder, monkeypatch, refused, files, rule):
     forbid_meshing(monkeypatch)
-    words = [word for file in given for word in ("--plan", file)]
+    words = [word for file in files for word in ("--plan", file)]
     refused(["simulate", "anna", *words, *COARSE], rule)
     assert not (folder / "results").exists()
 
@@ -122,12 +122,12 @@ def test_several_plans_use_the_patient_and_the_warnings_that_are_given(monkeypat
     forbid_meshing(monkeypatch)
     plan = Plan(uiv="T4", liv="L1", curves=(CurvePlan(apex="T8", correction=0.3),))
     results = simulate(case, {"a": plan}, patient=patient, warnings=["A finger is on the scan."])
-    (one,) = simulate(case, [plan], patient=patient)
+    (result,) = simulate(case, [plan], patient=patient)
     assert results.keys() == {"a"}
-    np.testing.assert_array_equal(one.skin.vertices, results["a"].skin.vertices)
+    np.testing.assert_array_equal(result.skin.vertices, results["a"].skin.vertices)
     assert {"A finger is on the scan.", "The skin was repaired."} <= set(results["a"].summary.warnings)
-    assert "The skin was repaired." in one.summary.warnings
-    assert str(one.summary.ending) == "CONVERGED"
+    assert "The skin was repaired." in result.summary.warnings
+    assert str(result.summary.ending) == "CONVERGED"
     with pytest.raises(InputError, match="other options"):
         simulate(case, {"a": plan}, RunOptions(), patient=patient)
 
@@ -168,7 +168,7 @@ def patient(tolerance: float = 0.01) -> PreparedPatient:
 
 
 @cache
-def found(aim: Aim = "bsr") -> BestPlan:
+def best_of_box(aim: Aim = "bsr") -> BestPlan:
     return best_plan(patient(), PLAN, BOUNDS, aim)
 
 
@@ -188,21 +188,21 @@ def test_slopes_against_differences_of_whole_simulations(aim: Aim) -> None:
 
 @pytest.mark.slow
 def test_it_is_better_than_every_plan_of_a_grid_in_few_relaxations() -> None:
-    best = found()
+    best = best_of_box()
     assert len(best.trials) < 10
     assert all(b.low <= share <= b.high for b, share in zip(BOUNDS, best.best.shares, strict=True))
-    assert best.best.value < best.given.value
-    assert best.gain == pytest.approx(best.given.value - best.best.value)
+    assert best.best.value < best.start.value
+    assert best.gain == pytest.approx(best.start.value - best.best.value)
     grid = itertools.product((0.4, 0.6, 0.8), (0.1, 0.6))
-    others = [PlanTrial(best.search, patient(), shares).value for shares in grid]
-    assert best.best.value <= min(others) * 1.005
+    of_grid = [PlanTrial(best.search, patient(), shares).value for shares in grid]
+    assert best.best.value <= min(of_grid) * 1.005
 
 
 def test_a_plan_outside_the_bounds_is_told_but_not_proposed() -> None:
     bounds = (Bound(apex="T8", target="correction", low=0.1, high=0.3),)
     best = best_plan(patient(), PLAN, bounds, "bsr", most=3)
-    assert best.given.shares == (0.5,)
-    assert best.best is best.given  # less correction flattens less
+    assert best.start.shares == (0.5,)
+    assert best.best is best.start  # less correction flattens less
     assert best.gain == best.gain_sd == 0.0
     assert all(0.1 <= trial.shares[0] <= 0.3 for trial in best.trials[1:])
     assert "No plan within the bounds was found that is better" in best_plan_text(best)
@@ -210,7 +210,7 @@ def test_a_plan_outside_the_bounds_is_told_but_not_proposed() -> None:
 
 def test_what_two_plans_share_does_not_blur_the_gain() -> None:
     """Of a plan against itself only the mesh is left where surgery meets it, and else each surgery's own miss."""
-    best, trial = found(), found().given
+    best, trial = best_of_box(), best_of_box().start
     search = best.search
     met = replace(CASE, uncertainty=replace(CASE.uncertainty, cobb=0.0, rotation=0.0))
     met_trial = PlanTrial(replace(search, case=met), patient(), trial.shares)

@@ -53,7 +53,7 @@ class Simulated:
     def __init__(self, case: Case, options: RunOptions, trunk: TrunkMesh | None = None) -> None:
         self.case, self.options = case, options
         self.prediction = self.relaxed(prepare(case, options, trunk, execution=ON_CPU))
-        self.found = sensitivities(self.prediction)
+        self.sensitivities = sensitivities(self.prediction)
 
     def relaxed(self, prediction: Prediction) -> Prediction:
         assert prediction.relax().converged
@@ -75,12 +75,12 @@ class Simulated:
         return self.numbers(self.relaxed(prepare(case, self.options, self.prediction.trunk, execution=ON_CPU)))
 
     def numbers(self, prediction: Prediction) -> np.ndarray:
-        """Those of `found`, measured again."""
+        """Those of `sensitivities`, measured again."""
         measured = prediction.measures_at(prediction.last)
-        return np.array([self.number(one, measured) for one in self.found], dtype=np.float64)
+        return np.array([self.number(s, measured) for s in self.sensitivities], dtype=np.float64)
 
-    def number(self, one: Sensitivity, measured: TrunkMeasures) -> float | None:
-        return QUANTITIES[one.quantity].function(measured, measured)[one.level]
+    def number(self, s: Sensitivity, measured: TrunkMeasures) -> float | None:
+        return QUANTITIES[s.quantity].function(measured, measured)[s.level]
 
 
 def agree(names: list[str], predicted: np.ndarray, wanted: np.ndarray) -> None:
@@ -99,19 +99,24 @@ def check_landmarks(simulated: Simulated, directions: int) -> None:
         ends = [simulated.with_landmarks(s * STEP * before, s * STEP * after) for s in (1.0, -1.0)]
         wanted.append((ends[0] - ends[1]) / (2.0 * STEP))
         predicted.append(
-            [np.vdot(s.landmarks_before, before) + np.vdot(s.landmarks_after, after) for s in simulated.found]
+            [
+                np.vdot(s.landmarks_before, before) + np.vdot(s.landmarks_after, after)
+                for s in simulated.sensitivities
+            ]
         )
-    agree([s.quantity for s in simulated.found], np.array(predicted).T, np.array(wanted).T)
+    agree([s.quantity for s in simulated.sensitivities], np.array(predicted).T, np.array(wanted).T)
 
 
 def check_constants(simulated: Simulated, tissue: Tissue) -> None:
-    for name in simulated.found[0].constants:
+    for name in simulated.sensitivities[0].constants:
         value = getattr(tissue, name)
         step = 1e-3 * value
         ends = [simulated.with_tissue(replace(tissue, **{name: value + s * step})) for s in (1.0, -1.0)]
         wanted = (ends[0] - ends[1]) / (2.0 * step)
         agree(
-            [s.quantity for s in simulated.found], np.array([s.constants[name] for s in simulated.found]), wanted
+            [s.quantity for s in simulated.sensitivities],
+            np.array([s.constants[name] for s in simulated.sensitivities]),
+            wanted,
         )
 
 
@@ -124,10 +129,10 @@ BOX = boned_case()
 def test_a_box_of_tissue_in_twenty_directions(energy: EnergyName, bones: Literal["spline", "follow"]) -> None:
     case, trunk = BOX
     box = Simulated(case, options_of(energy, bones), trunk)
-    assert [one.level for one in box.found if one.quantity == "bsr_deg"] == [*LEVELS]
+    assert [s.level for s in box.sensitivities if s.quantity == "bsr_deg"] == [*LEVELS]
     check_landmarks(box, 20)
     if bones == "follow":  # all that moves is one bone, and the box with it: whatever it is made of
-        np.testing.assert_allclose([list(one.constants.values()) for one in box.found], 0.0, atol=1e-7)
+        np.testing.assert_allclose([list(s.constants.values()) for s in box.sensitivities], 0.0, atol=1e-7)
     else:
         check_constants(box, case.tissue)
 
@@ -135,15 +140,15 @@ def test_a_box_of_tissue_in_twenty_directions(energy: EnergyName, bones: Literal
 def test_layers_gravity_and_a_skin_that_resists_bending() -> None:
     case, trunk = BOX
     labelled = replace(trunk, tissue=np.arange(len(trunk.tets), dtype=np.int8) % 3)
-    given = replace(options_of("neo-hookean"), layers="mesh", gravity=9.81, rest="scan", skin_rigidity=100.0)
-    box = Simulated(replace(case, tissue=Tissue(youngs_modulus=200.0)), given, labelled)
+    options = replace(options_of("neo-hookean"), layers="mesh", gravity=9.81, rest="scan", skin_rigidity=100.0)
+    box = Simulated(replace(case, tissue=Tissue(youngs_modulus=200.0)), options, labelled)
     constants = {"fat.youngs_modulus", "muscle.poisson_ratio", "skin.density", "gravity", "skin_rigidity"}
-    assert constants <= set(box.found[0].constants)
+    assert constants <= set(box.sensitivities[0].constants)
     assert "skin rigidity" in {source.name for source in sources_of(box.prediction)}
-    hung = Simulated(box.case, replace(given, rest="sag-free"), labelled)
-    assert hung.found[0].constants.keys() == box.found[0].constants.keys()
-    at_scan = [list(one.constants.values()) for one in box.found]
-    assert np.abs(np.subtract([list(one.constants.values()) for one in hung.found], at_scan)).max() > 1e-3
+    hung = Simulated(box.case, replace(options, rest="sag-free"), labelled)
+    assert hung.sensitivities[0].constants.keys() == box.sensitivities[0].constants.keys()
+    at_scan = [list(s.constants.values()) for s in box.sensitivities]
+    assert np.abs(np.subtract([list(s.constants.values()) for s in hung.sensitivities], at_scan)).max() > 1e-3
     check_landmarks(hung, 3)
 
 
@@ -153,14 +158,14 @@ def phantom(request: pytest.FixtureRequest) -> Simulated:
 
 
 def test_a_phantom(phantom: Simulated) -> None:
-    names = {(one.quantity, one.level) for one in phantom.found}
+    names = {(s.quantity, s.level) for s in phantom.sensitivities}
     assert {("bsr_deg", "T1"), ("bsr_deg", "T8"), ("bsr_deg", "L4"), ("shoulder_difference_mm", "")} <= names
     assert ("hump_mm", phantom.prediction.measures_before.hump_level) in names
     np.testing.assert_allclose(
-        [one.value for one in phantom.found], phantom.numbers(phantom.prediction), rtol=0.0, atol=1e-9
+        [s.value for s in phantom.sensitivities], phantom.numbers(phantom.prediction), rtol=0.0, atol=1e-9
     )
     wanted = {"epsilon", "theta"} if phantom.options.energy == "itmsm" else {"poisson_ratio"}
-    assert set(phantom.found[0].constants) == wanted
+    assert set(phantom.sensitivities[0].constants) == wanted
     check_landmarks(phantom, 1)
     check_constants(phantom, phantom.case.tissue)
 
@@ -179,8 +184,8 @@ def test_thickness_of_layers(energy: EnergyName) -> None:
             ends.append(
                 layered.numbers(layered.relaxed(prepare(thicker, layered.options, trunk, execution=ON_CPU)))
             )
-        predicted = np.array([one.constants[f"{layer}.thickness"] for one in layered.found])
-        agree([one.quantity for one in layered.found], predicted, (ends[0] - ends[1]) / 0.02)
+        predicted = np.array([s.constants[f"{layer}.thickness"] for s in layered.sensitivities])
+        agree([s.quantity for s in layered.sensitivities], predicted, (ends[0] - ends[1]) / 0.02)
 
 
 @pytest.mark.parametrize("energy", [pytest.param("itmsm", marks=pytest.mark.slow), "neo-hookean"])

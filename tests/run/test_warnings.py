@@ -42,9 +42,9 @@ def test_a_plan_that_enlarges_the_largest_curve_is_warned_of():
     ],
 )
 def test_constants_that_no_tissue_has_are_warned_of_once(tissue, gravity, named):
-    found = option_warnings([tissue, tissue], gravity)
-    assert len(found) == len(named)
-    assert all(part in text for part, text in zip(named, found, strict=True))
+    warnings = option_warnings([tissue, tissue], gravity)
+    assert len(warnings) == len(named)
+    assert all(part in text for part, text in zip(named, warnings, strict=True))
 
 
 @pytest.mark.parametrize("ending", [{"status": RelaxStatus.STALLED}, {"inverted_tets": 3}])

@@ -51,8 +51,8 @@ def test_problem_comes_back_to_the_bit(tmp_path: Path) -> None:
     assert back.trunk.tets.dtype == np.int32
     assert np.array_equal(not_none(back.truth), not_none(problem().truth))
     assert np.array_equal(back.bone_path().displacement, problem().bone_path().displacement)
-    kept, given = ((one.name, one.tissue, one.landmarks_after.names) for one in (back, problem()))
-    assert kept == given
+    read, written = ((p.name, p.tissue, p.landmarks_after.names) for p in (back, problem()))
+    assert read == written
 
 
 def test_truth_is_the_equilibrium_that_scipy_finds() -> None:
@@ -142,8 +142,8 @@ def test_run_needs_numpy_scipy_and_warp_alone(tmp_path: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"}
     done = subprocess.run([*command, *options], capture_output=True, encoding="utf-8", env=environment)
     assert done.returncode == 0, done.stderr
-    found, wanted = ([one.max_error_mm for one in records] for records in (read_records(out), measured("newton")))
-    assert found == wanted
+    errors, wanted = ([r.max_error_mm for r in records] for records in (read_records(out), measured("newton")))
+    assert errors == wanted
     assert "| newton | spline | papers' | 1 thread | float32 |" in done.stdout
     refused = [sys.executable, "-c", "import trimesh"]
     assert subprocess.run(refused, capture_output=True, env=environment).returncode != 0

@@ -25,7 +25,7 @@ def test_what_was_claimed_falsely_is_true_now(seed: int) -> None:
 
 
 def test_a_seed_draws_the_same_case_again() -> None:
-    (first, trunk, moved), (second, again, there) = draw(5, None), draw(5, None)
+    (first, trunk, moved), (second, again, moved_again) = draw(5, None), draw(5, None)
     assert first == second
     assert (trunk.nodes == again.nodes).all()
-    assert (moved == there).all()
+    assert (moved == moved_again).all()

@@ -26,6 +26,6 @@ def test_the_part_that_comes_back_is_drawn_about_the_default() -> None:
     """With the published spread, which is half of the range of the bands."""
     random = np.random.default_rng(1)
     drawn = [draw(random, cobb=(45.0, 75.0), truth={}, bending=False).constants for _ in range(400)]
-    parts = np.array([one["ribs.reversible_part"] for one in drawn])
+    parts = np.array([patient["ribs.reversible_part"] for patient in drawn])
     assert parts.mean() == pytest.approx(RibCoupling().reversible_part, abs=0.02)
     assert 2.0 * parts.std() == pytest.approx(np.ptp(RANGES["reversible_part"]), rel=0.1)

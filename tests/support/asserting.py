@@ -35,8 +35,8 @@ def forbid_meshing(monkeypatch: pytest.MonkeyPatch) -> None:
     """TetGen, a process of its own, cannot be started."""
     run = subprocess.run
 
-    def others(command: Any, *more: Any, **options: Any) -> Any:
+    def other_commands(command: Any, *more: Any, **options: Any) -> Any:
         assert not any("tetgen" in str(word) for word in command), "it was meshed"
         return run(command, *more, **options)
 
-    monkeypatch.setattr(subprocess, "run", others)
+    monkeypatch.setattr(subprocess, "run", other_commands)

@@ -22,13 +22,13 @@ def drawn_figures() -> Iterator[dict[str, Any]]:
     """The figures that are written as PNG meanwhile, by the names of their files; no pixels are drawn."""
     figures: dict[str, Any] = {}
 
-    def kept(figure: Figure, file: Any, *, format: str, metadata: dict[str, Any], **_: Any) -> None:
+    def save(figure: Figure, file: Any, *, format: str, metadata: dict[str, Any], **_: Any) -> None:
         if source := metadata.get("Source"):
             figures[source.rpartition(" ")[2]] = figure
         file.write(PIXEL if format == "png" else b"<svg/>")
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Figure, "savefig", kept)
+        patch.setattr(Figure, "savefig", save)
         yield figures
 
 

@@ -51,10 +51,10 @@ def kill_at_move(number: int) -> None:
 
 def contents(folder: Path) -> dict[str, Any]:
     """The files of a result by their final names; the summary without times and memory."""
-    found: dict[str, Any] = {name: (folder / name).read_bytes() for name in FILES if (folder / name).is_file()}
+    files: dict[str, Any] = {name: (folder / name).read_bytes() for name in FILES if (folder / name).is_file()}
     if (folder / "summary.json").is_file():
-        found["summary.json"] = timeless(json.loads((folder / "summary.json").read_text(encoding="utf-8")))
-    return found
+        files["summary.json"] = timeless(json.loads((folder / "summary.json").read_text(encoding="utf-8")))
+    return files
 
 
 def timeless(value: Any) -> Any:

@@ -71,12 +71,12 @@ class Shape:
     @property
     def humps(self) -> dict[str, float]:
         """Height of the hump by level [mm], positive on the right."""
-        found = {}
+        heights = {}
         for level, angle in self.rotations.items():
             x, _, z = self.landmarks.of_bone(level).points.mean(axis=0)
             reach = min(float(self.flank("left", z)) - x, float(self.flank("right", z)) + x)
-            found[level] = 2.0 * np.tan(np.radians(angle)) * reach
-        return found
+            heights[level] = 2.0 * np.tan(np.radians(angle)) * reach
+        return heights
 
     @property
     def shoulder_difference(self) -> float:
@@ -167,11 +167,11 @@ def known_case(after: Shape = AFTER, *, mirrored: bool = False) -> tuple[Case, T
 
 def known_increments(displacement: np.ndarray, mesh: TrunkMesh) -> list[Any]:
     """Two increments to the displacement after surgery."""
-    return [replace(one, displacement=displacement * one.load_factor) for one in made_up_increments(mesh, count=2)]
+    return [replace(i, displacement=displacement * i.load_factor) for i in made_up_increments(mesh, count=2)]
 
 
 def write_known_result(
-    folder: Path, after: Shape = AFTER, *, mirrored: bool = False, found: FoundBands | None = None
+    folder: Path, after: Shape = AFTER, *, mirrored: bool = False, intervals: FoundBands | None = None
 ) -> Path:
     """The folder of her result."""
     case, mesh, displacement = known_case(after, mirrored=mirrored)
@@ -179,5 +179,5 @@ def write_known_result(
         mesh, gravity=0.0, device="cpu", precision="float64", threads=1, energy="itmsm", skin_rigidity=0.0
     )
     increments = known_increments(displacement, mesh)
-    given: dict[str, Any] = {"parameters": {"tolerance": 0.01}, "seconds": {"total": 1.0}}
-    return result_of(case, mesh, model, increments, **given, found=found).save(folder).folder
+    fields: dict[str, Any] = {"parameters": {"tolerance": 0.01}, "seconds": {"total": 1.0}}
+    return result_of(case, mesh, model, increments, **fields, intervals=intervals).save(folder).folder

@@ -29,21 +29,21 @@ def known_spine(
         levels: names from top to bottom.
         top: centre of the first upper endplate [mm].
     """
-    names, points, here = [], [], np.array(top)
+    names, points, place = [], [], np.array(top)
     a, b, c = (np.radians(_at(levels, angles)) for angles in (to_left, back, turned))
     for i, level in enumerate(levels):
         up = np.array([np.tan(a[i]), np.tan(b[i]), 1.0])  # seen from the front and the side it has these tilts
         up /= np.linalg.norm(up)
-        middle = here - 0.5 * BODY * up
+        middle = place - 0.5 * BODY * up
         across = np.array([np.cos(c[i]), -np.sin(c[i]), 0.0])
         backwards = np.array([np.sin(c[i]), np.cos(c[i]), 0.0])
         names += [f"{level}_superior_endplate", f"{level}_inferior_endplate"]
-        points += [here, here - BODY * up]
+        points += [place, place - BODY * up]
         for side, sign in (("left", 1.0), ("right", -1.0)):
             for end, high in (("superior", 5.0), ("inferior", -5.0)):
                 names.append(f"{level}_{side}_pedicle_{end}")
                 points.append(middle + 12.0 * sign * across + 15.0 * backwards + [0.0, 0.0, high])
-        here = here - (BODY + DISC) * up
+        place = place - (BODY + DISC) * up
     names += ["asis_left", "asis_right"]
     points += [np.array([120.0, -60.0, -60.0]), np.array([-120.0, -60.0, -60.0])]
     return Landmarks(tuple(names), np.array(points))
@@ -72,10 +72,10 @@ def before_and_after() -> tuple[Landmarks, Landmarks]:
 def exchanged(landmarks: Landmarks, *pairs: tuple[str, str]) -> Landmarks:
     """The points of two names exchanged, or of two vertebrae where both are whole levels."""
     points = landmarks.points.copy()
-    for one, other in pairs:
+    for first, other in pairs:
         for name in landmarks.names:
-            if name == one or name.startswith(f"{one}_"):
-                twin = landmarks.names.index(other + name.removeprefix(one))
+            if name == first or name.startswith(f"{first}_"):
+                twin = landmarks.names.index(other + name.removeprefix(first))
                 own = landmarks.names.index(name)
                 points[[own, twin]] = points[[twin, own]]
     return Landmarks(landmarks.names, points)

@@ -48,9 +48,9 @@ def evaluated(model: Model, displacement: np.ndarray) -> State:
 
 def gradient_of(state: State) -> np.ndarray:
     """In the order of the mesh, shape (nodes, 3)."""
-    found = np.empty((len(state.model.order), 3))
-    found[state.model.order] = state.gradient.numpy()
-    return found
+    gradient = np.empty((len(state.model.order), 3))
+    gradient[state.model.order] = state.gradient.numpy()
+    return gradient
 
 
 def relax(model: Model, start: np.ndarray, **options: Any) -> tuple[Relaxation, np.ndarray]:
@@ -137,11 +137,11 @@ def on_host(matrix: BlockMatrix) -> bsr_array:
 
 def element_matrices(blocks: np.ndarray) -> np.ndarray:
     """The matrices of stencils, shape (stencils, 12, 12), by their blocks of `PAIRS`, one after the other."""
-    found = np.empty((len(blocks) // len(PAIRS), 4, 4, 3, 3))
+    matrices = np.empty((len(blocks) // len(PAIRS), 4, 4, 3, 3))
     for k, (a, b) in enumerate(PAIRS):
-        found[:, a, b] = blocks[k :: len(PAIRS)]
-        found[:, b, a] = found[:, a, b].transpose(0, 2, 1)
-    return found.transpose(0, 1, 3, 2, 4).reshape(-1, 12, 12)
+        matrices[:, a, b] = blocks[k :: len(PAIRS)]
+        matrices[:, b, a] = matrices[:, a, b].transpose(0, 2, 1)
+    return matrices.transpose(0, 1, 3, 2, 4).reshape(-1, 12, 12)
 
 
 def places_apart(stencils: int) -> np.ndarray:

@@ -141,14 +141,14 @@ class Reference:
             moved[self.free] = x.reshape(-1, 3)
             return moved
 
-        found = minimize(
+        solution = minimize(
             lambda x: self.energy(place(x)),
             displacement[self.free].ravel(),
             jac=lambda x: self.gradient(place(x))[self.free].ravel(),
             method="L-BFGS-B",
             options={"maxiter": iterations, "maxfun": 3 * iterations, "ftol": 0.0, "gtol": 1e-12, "maxcor": 30},
         )
-        return place(found.x)
+        return place(solution.x)
 
     def equilibrium(self, displacement: np.ndarray, tolerance: float = 1e-9, steps: int = 100) -> np.ndarray:
         """The equilibrium downhill of a displacement, to `tolerance` mm.

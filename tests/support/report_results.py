@@ -34,7 +34,7 @@ def write_small_result(
     status: RelaxStatus = RelaxStatus.CONVERGED,
     turn_more: float | None = None,
     without: str | None = None,
-    found: FoundBands | None = None,
+    intervals: FoundBands | None = None,
 ) -> Path:
     """Write a result; the prediction is turned by 12 degrees at T4, evenly less towards 0 at the bottom.
 
@@ -44,7 +44,7 @@ def write_small_result(
         status: how its last relaxation ended.
         turn_more: how many degrees the actual skin is turned further at every height; None for no actual skin.
         without: a level whose plane misses the trunk.
-        found: how sure the numbers are.
+        intervals: how sure the numbers are.
     """
     case, trunk = small_case()
     increments = made_up_increments(trunk, status=status)
@@ -64,7 +64,7 @@ def write_small_result(
         increments,
         parameters={"tolerance": 0.01},
         seconds={"total": 1.0},
-        found=found,
+        intervals=intervals,
     ).save(folder)
     return folder
 

@@ -7,7 +7,7 @@ def column(path, entity, component, timeline="increment"):
     """Values of a component by its place on a timeline; the one without a time has None."""
     from rerun.chunk import RrdReader
 
-    found = {}
+    by_step = {}
     for chunk in RrdReader(path).stream():
         if chunk.entity_path != entity:
             continue
@@ -18,8 +18,8 @@ def column(path, entity, component, timeline="increment"):
         for name in names:
             values = batch.column(name).to_pylist()
             steps = [None] * len(values) if chunk.is_static else batch.column(timeline).to_pylist()
-            found.update({step: _array(v) for step, v in zip(steps, values, strict=True) if v is not None})
-    return found
+            by_step.update({step: _array(v) for step, v in zip(steps, values, strict=True) if v is not None})
+    return by_step
 
 
 def _array(values):

@@ -39,11 +39,11 @@ def mapped(case: Case, M: np.ndarray) -> Case:
     """The whole case under a linear map that keeps outside outside."""
     flip = slice(None, None, -1 if np.linalg.det(M) < 0 else 1)
 
-    def surface(one: Surface) -> Surface:
-        return Surface(one.vertices @ M.T, one.faces[:, flip])
+    def surface(skin: Surface) -> Surface:
+        return Surface(skin.vertices @ M.T, skin.faces[:, flip])
 
-    def marks(one: Landmarks) -> Landmarks:
-        return Landmarks(one.names, one.points @ M.T)
+    def marks(points: Landmarks) -> Landmarks:
+        return Landmarks(points.names, points.points @ M.T)
 
     return replace(
         case,

@@ -55,12 +55,12 @@ def test_terms_and_inverted_tetrahedra(
     displacement = bent_and_noisy(trunk)
     reference = REFERENCES[energy](trunk, tissue, gravity)
     state = state_of(trunk, tissue, displacement, energy=energy, gravity=gravity, precision=precision)
-    found, inverted, newly_inverted = state.read()
+    energies, inverted, newly_inverted = state.read()
     wanted = reference.energies(displacement)
-    assert {name for name, value in found.terms.items() if value} <= wanted.keys()
+    assert {name for name, value in energies.terms.items() if value} <= wanted.keys()
     for term, value in wanted.items():
-        assert found.terms.get(term, 0.0) == pytest.approx(value, rel=bound, abs=0.0), term
-    assert found.total == pytest.approx(sum(wanted.values()), rel=bound)
+        assert energies.terms.get(term, 0.0) == pytest.approx(value, rel=bound, abs=0.0), term
+    assert energies.total == pytest.approx(sum(wanted.values()), rel=bound)
     p = (trunk.nodes + displacement)[trunk.tets]
     turned = np.linalg.det(p[:, 1:] - p[:, :1]) <= 0.0
     assert (inverted, newly_inverted) == (turned.sum(), turned.sum())
@@ -75,9 +75,9 @@ def test_gradient_of_all_nodes(energy: str, tissue: Any, threads: int) -> None:
     """The sum of the ranges' parts is the gradient of the NumPy energy, prescribed nodes included."""
     trunk = half_and_half(MESHES["bone inside"]) if tissue is LAYERS else MESHES["bone inside"]
     displacement = bent_and_noisy(trunk)
-    found = gradient_of(state_of(trunk, tissue, displacement, threads=threads, energy=energy, gravity=9.81))
+    gradient = gradient_of(state_of(trunk, tissue, displacement, threads=threads, energy=energy, gravity=9.81))
     wanted = REFERENCES[energy](trunk, tissue, 9.81).gradient(displacement)
-    np.testing.assert_allclose(found, wanted, rtol=1e-11, atol=1e-11 * np.abs(wanted).max())
+    np.testing.assert_allclose(gradient, wanted, rtol=1e-11, atol=1e-11 * np.abs(wanted).max())
 
 
 @each_energy
@@ -141,12 +141,12 @@ def test_same_equilibrium(
 ) -> None:
     trunk, start = scene()
     reference = REFERENCES[energy](trunk, tissue, gravity)
-    relaxation, found = relax(model_of(trunk, tissue, energy=energy, gravity=gravity), start, tolerance=1e-7)
+    relaxation, end = relax(model_of(trunk, tissue, energy=energy, gravity=gravity), start, tolerance=1e-7)
     assert relaxation.status is RelaxStatus.CONVERGED
     wanted = reference.equilibrium(start)
     assert reference.energy(wanted) < reference.energy(start)
     assert np.abs(wanted - start)[reference.free].max() > 1.0
-    np.testing.assert_allclose(found, wanted, atol=2e-6)
+    np.testing.assert_allclose(end, wanted, atol=2e-6)
     assert relaxation.energy.total == pytest.approx(reference.energy(wanted), rel=1e-9)
 
 
@@ -173,10 +173,10 @@ def test_by_volume_equal_parts_of_tissue_are_equally_stiff(weights: str, upper_s
     mesh = half_refined()
     upper = mesh.nodes[:, 2] >= 30.0
     swollen = 0.1 * (mesh.nodes - [10.0, 10.0, 30.0])
-    one = energy_of(mesh, np.where(upper[:, None], swollen, 0.0), SOFT, weights=weights)
+    lower = energy_of(mesh, np.where(upper[:, None], swollen, 0.0), SOFT, weights=weights)
     other = energy_of(mesh, np.where(upper[:, None], 0.0, swollen), SOFT, weights=weights)
     for term in ("distance", "area", "volume"):
-        share = one.terms[term] / (one.terms[term] + other.terms[term])
+        share = lower.terms[term] / (lower.terms[term] + other.terms[term])
         assert share == pytest.approx(upper_share, rel=1e-12) if upper_share else share > 0.8, term
 
 

@@ -41,9 +41,9 @@ def test_the_two_laws_differ_by_the_square_of_the_motion(tmp_path):
     for part in (0.1, 0.05):
         folder = tmp_path / str(part)
         folder.mkdir()
-        theirs = solved_by_calculix(folder, trunk, part * whole, tissue)
+        calculix = solved_by_calculix(folder, trunk, part * whole, tissue)
         model = model_of(trunk, tissue, energy="neo-hookean")
         ours = settle(model, part * whole, 5, tolerance=1e-6).displacement
-        apart.append(np.abs(theirs - ours).max() / np.abs(ours).max())
+        apart.append(np.abs(calculix - ours).max() / np.abs(ours).max())
     assert apart[0] < 0.01
     assert apart[1] == pytest.approx(0.5 * apart[0], rel=0.1)  # of the motion, so the square in mm

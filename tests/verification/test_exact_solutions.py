@@ -44,10 +44,10 @@ class Exact:
     def start(self) -> np.ndarray:
         """Prescribed nodes at their place, the others by the nearest affine map and 0.3 mm of noise (nodes, 3)."""
         held, points = self.trunk.prescribed, np.column_stack([self.trunk.nodes, np.ones(len(self.trunk.nodes))])
-        there = self.displacement(self.trunk.nodes)
-        affine_map = np.linalg.lstsq(points[held], there[held], rcond=None)[0]
-        noise = np.random.default_rng(4).uniform(-0.3, 0.3, there.shape)
-        return np.where(held[:, None], there, points @ affine_map + noise)
+        exact = self.displacement(self.trunk.nodes)
+        affine_map = np.linalg.lstsq(points[held], exact[held], rcond=None)[0]
+        noise = np.random.default_rng(4).uniform(-0.3, 0.3, exact.shape)
+        return np.where(held[:, None], exact, points @ affine_map + noise)
 
 
 def constants(nu: float) -> tuple[float, float, float]:
@@ -165,7 +165,7 @@ def hanging(cells: int, nu: float) -> Exact:
 
 
 @dataclass(frozen=True)
-class Found:
+class Solution:
     """Where a solver ended."""
 
     displacement: np.ndarray
@@ -176,19 +176,19 @@ class Found:
     """That hold the nodes [N], shape (nodes, 3)."""
 
 
-def by_scikit_fem(trunk: TrunkMesh, start: np.ndarray, nu: float, gravity: float = 0.0) -> Found:
+def by_scikit_fem(trunk: TrunkMesh, start: np.ndarray, nu: float, gravity: float = 0.0) -> Solution:
     solid = Solid(trunk.nodes, trunk.tets, 1e-3 * MODULUS, nu, 1e-9 * DENSITY * gravity)
-    found = equilibrium(solid, start, trunk.prescribed)
-    return Found(found, solid.energy(found), solid.forces(found))
+    displacement = equilibrium(solid, start, trunk.prescribed)
+    return Solution(displacement, solid.energy(displacement), solid.forces(displacement))
 
 
-def by_warp_trunk(trunk: TrunkMesh, start: np.ndarray, nu: float, gravity: float = 0.0) -> Found:
+def by_warp_trunk(trunk: TrunkMesh, start: np.ndarray, nu: float, gravity: float = 0.0) -> Solution:
     tissue = Tissue(youngs_modulus=MODULUS, poisson_ratio=nu, density=DENSITY)
     model = model_of(trunk, tissue, threads=1, energy="neo-hookean", gravity=gravity)
-    relaxation, found = relax(model, start, tolerance=1e-9)
+    relaxation, displacement = relax(model, start, tolerance=1e-9)
     assert relaxation.status is RelaxStatus.CONVERGED, relaxation
-    state = evaluated(model, found)
-    return Found(found, state.energy().total - model.elements.gravity_at_rest, gradient_of(state))
+    state = evaluated(model, displacement)
+    return Solution(displacement, state.energy().total - model.elements.gravity_at_rest, gradient_of(state))
 
 
 SOLVERS = {"scikit-fem": by_scikit_fem, "warp_trunk": by_warp_trunk}
@@ -197,7 +197,7 @@ SOLVERS = {"scikit-fem": by_scikit_fem, "warp_trunk": by_warp_trunk}
 RATIOS = (0.3, 0.45, 0.49)
 
 
-def solve(solver: str, exact: Exact, nu: float) -> Found:
+def solve(solver: str, exact: Exact, nu: float) -> Solution:
     return SOLVERS[solver](exact.trunk, exact.start(), nu, exact.gravity)
 
 
@@ -230,10 +230,10 @@ def test_patch(solver: str, nu: float) -> None:
 def test_rigid_motion(solver: str) -> None:
     """Held at its ends, a bar that turns by 120 degrees turns as a whole, without energy and without force."""
     exact = affine(brick(3, the_ends, 0.15), rotation(120.0, (1.0, -2.0, 0.5)))
-    found = solve(solver, exact, 0.45)
-    assert farthest(exact, found.displacement) < 1e-8
-    assert abs(found.energy) < 1e-12
-    assert np.abs(found.forces).max() < 1e-9
+    solved = solve(solver, exact, 0.45)
+    assert farthest(exact, solved.displacement) < 1e-8
+    assert abs(solved.energy) < 1e-12
+    assert np.abs(solved.forces).max() < 1e-9
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -241,10 +241,10 @@ def test_rigid_motion(solver: str) -> None:
 @pytest.mark.parametrize("stretch", [0.7, 1.5])
 def test_pulled_and_pressed(solver: str, stretch: float, nu: float) -> None:
     exact, stress = pulled(stretch, nu)
-    found = solve(solver, exact, nu)
-    assert farthest(exact, found.displacement) < 1e-7
+    solved = solve(solver, exact, nu)
+    assert farthest(exact, solved.displacement) < 1e-7
     top = exact.trunk.nodes[:, 2] > 39.9
-    np.testing.assert_allclose(found.forces[top].sum(axis=0) / 900.0, [0.0, 0.0, 1e-3 * stress], atol=1e-9)
+    np.testing.assert_allclose(solved.forces[top].sum(axis=0) / 900.0, [0.0, 0.0, 1e-3 * stress], atol=1e-9)
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -252,10 +252,10 @@ def test_pulled_and_pressed(solver: str, stretch: float, nu: float) -> None:
 def test_simple_shear(solver: str, nu: float) -> None:
     """Energy of the whole and the force on every node all around, P times its area vector."""
     exact, stress, energy = sheared(0.7, nu)
-    found = solve(solver, exact, nu)
-    assert farthest(exact, found.displacement) < 1e-8
-    assert found.energy == pytest.approx(1e-3 * energy * 27000.0, rel=1e-9)
-    np.testing.assert_allclose(found.forces, 1e-3 * area_vectors(exact) @ stress.T, atol=1e-9)
+    solved = solve(solver, exact, nu)
+    assert farthest(exact, solved.displacement) < 1e-8
+    assert solved.energy == pytest.approx(1e-3 * energy * 27000.0, rel=1e-9)
+    np.testing.assert_allclose(solved.forces, 1e-3 * area_vectors(exact) @ stress.T, atol=1e-9)
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -274,9 +274,9 @@ def distance_l2(exact: Exact, displacement: np.ndarray) -> float:
     """L2 norm of the error of linear elements, by quadrature of degree 5."""
     basis = Basis(tet_mesh(exact.trunk.nodes, exact.trunk.tets), ElementTetP1(), intorder=5)
     X = np.asarray(basis.global_coordinates()).transpose(1, 2, 0)
-    found = np.stack([np.asarray(basis.interpolate(component)) for component in displacement.T], axis=-1)
+    interpolated = np.stack([np.asarray(basis.interpolate(component)) for component in displacement.T], axis=-1)
     wanted = exact.displacement(X.reshape(-1, 3)).reshape(X.shape)
-    return float(np.sqrt((((found - wanted) ** 2).sum(axis=-1) * basis.dx).sum()))
+    return float(np.sqrt((((interpolated - wanted) ** 2).sum(axis=-1) * basis.dx).sum()))
 
 
 def moved_bone() -> tuple[TrunkMesh, np.ndarray]:
@@ -304,11 +304,11 @@ def turned_end() -> tuple[TrunkMesh, np.ndarray]:
 def test_same_equilibrium(scene: Callable[[], tuple[TrunkMesh, np.ndarray]], nu: float, gravity: float) -> None:
     """Every node to 1e-6 mm, the energy and the forces that hold the bones to nine digits."""
     trunk, start = scene()
-    wanted, found = (SOLVERS[name](trunk, start, nu, gravity) for name in ("scikit-fem", "warp_trunk"))
+    wanted, solved = (SOLVERS[name](trunk, start, nu, gravity) for name in ("scikit-fem", "warp_trunk"))
     assert np.linalg.norm(wanted.displacement - start, axis=1).max() > 1.0
-    assert np.linalg.norm(found.displacement - wanted.displacement, axis=1).max() < 1e-6
-    assert found.energy == pytest.approx(wanted.energy, rel=1e-9)
-    np.testing.assert_allclose(found.forces, wanted.forces, atol=1e-8 * np.abs(wanted.forces).max())
+    assert np.linalg.norm(solved.displacement - wanted.displacement, axis=1).max() < 1e-6
+    assert solved.energy == pytest.approx(wanted.energy, rel=1e-9)
+    np.testing.assert_allclose(solved.forces, wanted.forces, atol=1e-8 * np.abs(wanted.forces).max())
 
 
 @pytest.fixture(scope="module")
@@ -321,13 +321,13 @@ def deformations() -> np.ndarray:
 def test_stress_and_tangent_by_differences(deformations: np.ndarray, nu: float) -> None:
     moduli, step = stable(10.0, nu), 1e-5
     assert 0 < (np.linalg.det(deformations) < 0.0).sum() < 10
-    found, second = stress(deformations, *moduli), tangent(deformations, *moduli)
+    stresses, second = stress(deformations, *moduli), tangent(deformations, *moduli)
     for k, l in np.ndindex(3, 3):  # noqa: E741
         move = np.zeros((3, 3))
         move[k, l] = step
         ahead, behind = deformations + move, deformations - move
         slope = (sum(parts(ahead, *moduli)) - sum(parts(behind, *moduli))) / (2.0 * step)
-        np.testing.assert_allclose(found[:, k, l], slope, rtol=1e-7, atol=1e-8 * np.abs(slope).max())
+        np.testing.assert_allclose(stresses[:, k, l], slope, rtol=1e-7, atol=1e-8 * np.abs(slope).max())
         slope = (stress(ahead, *moduli) - stress(behind, *moduli)) / (2.0 * step)
         np.testing.assert_allclose(second[:, :, :, k, l], slope, rtol=1e-7, atol=1e-8 * np.abs(slope).max())
 
@@ -341,15 +341,15 @@ def test_hookes_law_at_rest(nu: float) -> None:
     gradient = np.random.default_rng(1).normal(size=(3, 3))
     strain = 0.5 * (gradient + gradient.T)
     wanted = 10.0 / (1.0 + nu) * (strain + nu / (1.0 - 2.0 * nu) * np.trace(strain) * np.eye(3))
-    found = np.einsum("ijkl,kl->ij", tangent(rest, *moduli)[0], gradient)
-    np.testing.assert_allclose(found, wanted, rtol=1e-11, atol=1e-11)
+    stresses = np.einsum("ijkl,kl->ij", tangent(rest, *moduli)[0], gradient)
+    np.testing.assert_allclose(stresses, wanted, rtol=1e-11, atol=1e-11)
 
 
 def test_energy_ignores_rotation_and_is_isotropic(deformations: np.ndarray) -> None:
     moduli, turn = stable(10.0, 0.45), rotation(130.0, (2.0, 1.0, -1.0))
     for turned in (turn @ deformations, deformations @ turn):
-        for found, wanted in zip(parts(turned, *moduli), parts(deformations, *moduli), strict=True):
-            np.testing.assert_allclose(found, wanted, rtol=1e-11, atol=1e-11)
+        for quantity, wanted in zip(parts(turned, *moduli), parts(deformations, *moduli), strict=True):
+            np.testing.assert_allclose(quantity, wanted, rtol=1e-11, atol=1e-11)
 
 
 def test_the_independent_solver_stays_at_rest_and_says_when_no_step_helps(monkeypatch) -> None:

@@ -50,8 +50,9 @@ def spine_features(
     same = np.array_equal(before, skeleton.landmarks.points)
     curves = skeleton.curves if same else cobb_angles(Landmarks(skeleton.landmarks.names, before))
     plates = skeleton.coupled_turns.endplates
-    here, there = (endplate_smoothing(plates(points), expected_error) for points in (before, after))
-    return SpineFeatures(curves, (here, there))
+    smoothings = (endplate_smoothing(plates(points), expected_error) for points in (before, after))
+    smoothing_before, smoothing_after = smoothings
+    return SpineFeatures(curves, (smoothing_before, smoothing_after))
 
 
 def bone_motions(
@@ -59,7 +60,7 @@ def bone_motions(
     before: np.ndarray,
     after: np.ndarray,
     coupling: RibCoupling | None,
-    known: Mapping[str, RigidMotion] | None = None,
+    own_motions: Mapping[str, RigidMotion] | None = None,
     *,
     pose: Pose = "surgery",
     features: SpineFeatures | None = None,
@@ -84,7 +85,7 @@ def bone_motions(
         before: sets of landmarks before, shape (sets, landmarks, 3) [mm].
         after: the same after.
         coupling: what of a vertebra's motion reaches its ribs; None: ribs, sternum and blades are as all others.
-        known: motions of bones that are known [mm].
+        own_motions: motions of bones that are known [mm].
         pose: what lies between before and after.
         features: of the spine (`spine_features`), for all sets; those of each set when left out.
 
@@ -94,11 +95,11 @@ def bone_motions(
     Raises:
         InputError: landmarks on which no spline can be fitted (see `fit_spline`).
     """
-    bones, known, (_, marks) = skeleton.bones, known or {}, skeleton.marked
+    bones, own_motions, (_, marks) = skeleton.bones, own_motions or {}, skeleton.marked
     motions = NamedMotions(skeleton.names, len(before))
     pelvis = _put_marked(skeleton, motions, marks.fit(before, after))
-    for bone in known.keys() & bones.keys():
-        motions[bone] = known[bone]
+    for bone in own_motions.keys() & bones.keys():
+        motions[bone] = own_motions[bone]
     lost = {level: bones[level].vertices for level in skeleton.levels if level not in motions}
     motions.put(list(lost), skeleton.by_spline(lost, before, after))
     if coupling is not None:
@@ -116,12 +117,12 @@ def bone_motions(
         free = [name for name in followed if name not in fixed]
         motions.put(free, frame * followed.of(free))
     links = {bone: link for bone, link in skeleton.links.items() if bone not in motions}
-    others = {bone: bones[bone].vertices for bone in bones if bone not in motions}
+    by_spline = {bone: bones[bone].vertices for bone in bones if bone not in motions}
     loose = {f"end of {bone}": link.joints[1:] for bone, link in links.items() if link.second not in bones}
-    carried = skeleton.by_spline({**others, **loose}, before, after)
-    motions.put(list(others), carried.last(slice(len(others))))
+    carried = skeleton.by_spline({**by_spline, **loose}, before, after)
+    motions.put(list(by_spline), carried.last(slice(len(by_spline))))
     _hold_at_ends(
-        motions, links, [carried.last(number) for number in range(len(others), len(others) + len(loose))]
+        motions, links, [carried.last(number) for number in range(len(by_spline), len(by_spline) + len(loose))]
     )
     return motions
 
@@ -133,30 +134,30 @@ def _coupled_turns(
     turns = skeleton.coupled_turns.of
     if features is not None:
         return turns(features.curves, before, after, features.smoothing)
-    found = []
-    for here, there in zip(before, after, strict=True):
-        own = spine_features(skeleton, here, there)
-        found.append(turns(own.curves, here[None], there[None], own.smoothing))
-    return np.concatenate(found)
+    set_turns = []
+    for start, end in zip(before, after, strict=True):
+        own = spine_features(skeleton, start, end)
+        set_turns.append(turns(own.curves, start[None], end[None], own.smoothing))
+    return np.concatenate(set_turns)
 
 
-def given_motions(skeleton: Skeleton, given: Mapping[str, RigidMotion], *shape: int) -> NamedMotions:
+def given_motions(skeleton: Skeleton, prescribed: Mapping[str, RigidMotion], *shape: int) -> NamedMotions:
     """How each bone moves where no landmarks say it: as given, else not at all.
 
     The ends of costal cartilages and clavicles that are not named go with their neighbours.
 
     Args:
         skeleton: the bones.
-        given: motions of some of them [mm].
+        prescribed: motions of some of them [mm].
         shape: of the motions of each bone; one each when left out.
     """
     motions = NamedMotions(skeleton.names, *shape)
     for bone in skeleton.names:
-        motions[bone] = given.get(bone, RigidMotion.identity())
+        motions[bone] = prescribed.get(bone, RigidMotion.identity())
     links = {
         bone: link
         for bone, link in skeleton.links.items()
-        if bone not in given and (link.first in given or link.second in given)
+        if bone not in prescribed and (link.first in prescribed or link.second in prescribed)
     }
     _hold_at_ends(motions, links, repeat(RigidMotion.identity()))
     return motions
@@ -189,10 +190,10 @@ def _hold_at_ends(motions: NamedMotions, links: Mapping[str, Link], loose: Itera
     second = RigidMotion.stack(
         motions[link.second] if link.second in motions else next(ends) for link in links.values()
     )
-    here = own.apply(joints[:, 0]), own.apply(joints[:, 1])
-    there = first.apply(joints[:, 0]), second.apply(joints[:, 1])
-    turn = smallest_turn(here[1] - here[0], there[1] - there[0])
-    held = RigidMotion.about(turn, 0.5 * (here[0] + here[1]), 0.5 * (there[0] + there[1])) * own
+    ends_now = own.apply(joints[:, 0]), own.apply(joints[:, 1])
+    goal = first.apply(joints[:, 0]), second.apply(joints[:, 1])
+    turn = smallest_turn(ends_now[1] - ends_now[0], goal[1] - goal[0])
+    held = RigidMotion.about(turn, 0.5 * (ends_now[0] + ends_now[1]), 0.5 * (goal[0] + goal[1])) * own
     motions.put(list(links), held)
 
 

@@ -37,8 +37,8 @@ class RigidBones:
 
     def of(self, place: np.ndarray) -> RigidBones:
         """Those of the nodes that have a place, by their places; -1 is none."""
-        kept = place[self.nodes] >= 0
-        return RigidBones(place[self.nodes][kept], self.rest[kept], self.bone[kept], self.screws)
+        placed = place[self.nodes] >= 0
+        return RigidBones(place[self.nodes][placed], self.rest[placed], self.bone[placed], self.screws)
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,12 +185,12 @@ def _inverted(trunk: TrunkMesh, bone_path: PrescribedMotion, tets: np.ndarray) -
 
 def _places(trunk: TrunkMesh, inverted: np.ndarray, what: str) -> list[str]:
     """Such tetrahedra, by their numbers, and the bones they touch, most first, in words."""
-    found: dict[tuple[str, ...], list[int]] = {}
+    by_bones: dict[tuple[str, ...], list[int]] = {}
     for tet in inverted:
         bones = sorted({trunk.bone_names[b] for b in trunk.bone[trunk.tets[tet]] if b >= 0})
-        found.setdefault(tuple(bones), []).append(int(tet))
+        by_bones.setdefault(tuple(bones), []).append(int(tet))
     sentences = []
-    for bones, tets in sorted(found.items(), key=lambda item: -len(item[1])):
+    for bones, tets in sorted(by_bones.items(), key=lambda item: -len(item[1])):
         middle = trunk.nodes[trunk.tets[tets]].mean(axis=(0, 1))
         near = f"at {' and '.join(bones)}, " if bones else ""
         place = "({:.0f}, {:.0f}, {:.0f}) mm".format(*middle)

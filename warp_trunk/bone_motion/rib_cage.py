@@ -59,9 +59,9 @@ class _Riders:
             [[(part - middle).T @ part for part in each] for each, middle in zip(parts, self._middle, strict=True)]
         )
 
-    def motion(self, found: NamedMotions) -> RigidMotion:
+    def motion(self, motions: NamedMotions) -> RigidMotion:
         """The rigid motions nearest to those of the ribs at their points, shape (..., bones)."""
-        ribs = found.of(self._ribs).last(None)
+        ribs = motions.of(self._ribs).last(None)
         ribs = RigidMotion(np.swapaxes(ribs.rotation, -3, -4), np.swapaxes(ribs.translation, -2, -3))
         turned = self._outer @ np.swapaxes(ribs.rotation, -1, -2)
         spread = (turned + self._arms[..., None] * ribs.translation[..., None, :]).sum(axis=-3)
@@ -124,7 +124,7 @@ def follow(
     cage: RibCage,
     vertebrae: Vertebrae,
     coupling: RibCoupling,
-    known: Mapping[str, RigidMotion] | None = None,
+    prescribed: Mapping[str, RigidMotion] | None = None,
     *,
     growing: bool = False,
 ) -> NamedMotions:
@@ -141,7 +141,7 @@ def follow(
         cage: before surgery.
         vertebrae: how those of the cage's levels move, in one set of landmarks or many.
         coupling: what of it reaches a rib.
-        known: motions of ribs, sternum and shoulder blades that are known, which the others follow.
+        prescribed: motions of ribs, sternum and shoulder blades that are known, which the others follow.
         growing: whether a curve grows, and bone and cartilage with it, as where it is imposed on straight
             anatomy: the highest and the floating ribs then keep their attitude as others do.
 
@@ -149,25 +149,25 @@ def follow(
         Those known, and a motion for each other rib that has a vertebra; for the sternum where three ribs reach
         it, and for each shoulder blade that lies on three ribs [mm], shape (...) each.
     """
-    found = NamedMotions(cage.bones, *vertebrae.motion.shape[:-1])
+    motions = NamedMotions(cage.bones, *vertebrae.motion.shape[:-1])
     for name in cage.bones:
-        if known and name in known:
-            found[name] = known[name]
-    free = np.array([name not in found for name in cage.ribs], dtype=bool)
+        if prescribed and name in prescribed:
+            motions[name] = prescribed[name]
+    free = np.array([name not in motions for name in cage.ribs], dtype=bool)
     if free.any():
         rows = np.flatnonzero(free)
-        found.put([cage.ribs[row] for row in rows], _turned(cage, rows, vertebrae, coupling, growing))
-    if cage.sternum and "sternum" not in found:
-        found.put(["sternum"], cage.sternum.motion(found))
+        motions.put([cage.ribs[row] for row in rows], _turned(cage, rows, vertebrae, coupling, growing))
+    if cage.sternum and "sternum" not in motions:
+        motions.put(["sternum"], cage.sternum.motion(motions))
     rows = cage.reaching[free[cage.reaching]]
-    if len(rows) and "sternum" in found:
+    if len(rows) and "sternum" in motions:
         reaching = [cage.ribs[row] for row in rows]
-        found.put(reaching, _reaching(cage, rows, found.of(reaching), found["sternum"]))
-    if cage.blades and (unknown := [name for name in cage.blades.names if name not in found]):
+        motions.put(reaching, _reaching(cage, rows, motions.of(reaching), motions["sternum"]))
+    if cage.blades and (unknown := [name for name in cage.blades.names if name not in motions]):
         carried = NamedMotions(cage.blades.names, *vertebrae.motion.shape[:-1])
-        carried.put(cage.blades.names, cage.blades.motion(found).part(coupling.scapula))
-        found.put(unknown, carried.of(unknown))
-    return found
+        carried.put(cage.blades.names, cage.blades.motion(motions).part(coupling.scapula))
+        motions.put(unknown, carried.of(unknown))
+    return motions
 
 
 def _within(reach: float, points: np.ndarray, of: np.ndarray) -> np.ndarray:

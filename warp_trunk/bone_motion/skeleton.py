@@ -61,12 +61,12 @@ class Skeleton:
     @cached_property
     def links(self) -> dict[str, Link]:
         """Costal cartilages and clavicles whose first neighbour is there."""
-        found = {}
+        neighbours = {}
         for bone in self.names:
             first, second = _neighbours(bone)
             if first in self.bones:
-                found[bone] = Link(first, second, ends(self.bones[bone], self.bones[first]))
-        return found
+                neighbours[bone] = Link(first, second, ends(self.bones[bone], self.bones[first]))
+        return neighbours
 
     @cached_property
     def marked(self) -> tuple[dict[str, int], Bodies]:
@@ -103,10 +103,10 @@ class Skeleton:
         Returns:
             Shape (sets, levels, 2, 3) [mm].
         """
-        (plated, rows), found = self._endplates, np.tile(self._upright, (len(before), 1, 1, 1))
+        (plated, rows), frames = self._endplates, np.tile(self._upright, (len(before), 1, 1, 1))
         upper, lower = before[:, rows[0]], before[:, rows[1]]
-        found[:, plated, 0], found[:, plated, 1] = 0.5 * (upper + lower), upper - lower
-        return found
+        frames[:, plated, 0], frames[:, plated, 1] = 0.5 * (upper + lower), upper - lower
+        return frames
 
     @cached_property
     def _upright(self) -> np.ndarray:

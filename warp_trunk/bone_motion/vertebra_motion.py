@@ -69,8 +69,8 @@ class VertebraParts:
         """
         left, front = self.leaning[..., 0], self.leaning[..., 1]
         before = attitudes(lateral_bending * left, front)
-        there = lateral_bending * (left + self.lateral_bending), front + self.flexion
-        return attitudes(*there, axial_rotation) @ np.swapaxes(before, -1, -2)
+        attitude = lateral_bending * (left + self.lateral_bending), front + self.flexion
+        return attitudes(*attitude, axial_rotation) @ np.swapaxes(before, -1, -2)
 
     def without(self, turn: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Places of points (..., 3) after the motions without a turn about the vertebra's own axis [rad, mm]."""
@@ -94,8 +94,8 @@ def split(motion: RigidMotion, axis: np.ndarray, coupled: np.ndarray | float = n
     """
     centre, upward = axis[..., 0, :], axis[..., 1, :]
     before, after = _leaning(upward), _leaning(rotated(motion.rotation, upward))
-    there, here = attitudes(after[..., 0], after[..., 1]), attitudes(before[..., 0], before[..., 1])
-    left = np.swapaxes(there, -1, -2) @ motion.rotation @ here
+    end, start = attitudes(after[..., 0], after[..., 1]), attitudes(before[..., 0], before[..., 1])
+    left = np.swapaxes(end, -1, -2) @ motion.rotation @ start
     turn = np.arctan2(left[..., 1, 0], left[..., 0, 0])
     change = after - before
     return VertebraParts(
@@ -199,18 +199,18 @@ class CoupledTurns:
             NaN where they are not determined: no curve of 10 degrees, no iliac spines, a level without all
             pedicles and endplates.
         """
-        found = np.full((len(before), self._count), np.nan)
+        turns = np.full((len(before), self._count), np.nan)
         if not curves or len(self._asis) < 2:
-            return found
+            return turns
         apices = [self._marked.index(curve.apex) for curve in curves]
-        shares = np.stack([np.interp(self._along, apices, one) for one in np.eye(len(apices))])  # (curves, levels)
+        shares = np.stack([np.interp(self._along, apices, unit) for unit in np.eye(len(apices))])  # curves, levels
         corrected = self._corrected(curves, smoothing, before, after)
         marks = before[:, self._rows]
         axis = marks[..., 0, :] - marks[..., 1, :]
         to_left = 0.5 * (marks[..., 2, :] + marks[..., 3, :] - marks[..., 4, :] - marks[..., 5, :])
         across = before[:, self._asis[0], :2] - before[:, self._asis[1], :2]
-        found[:, self._whole] = -(corrected @ shares) * axial_turn(axis, to_left, across[:, None])
-        return found
+        turns[:, self._whole] = -(corrected @ shares) * axial_turn(axis, to_left, across[:, None])
+        return turns
 
     def _corrected(
         self,
@@ -222,9 +222,9 @@ class CoupledTurns:
         """The part of each curve's Cobb angle that surgery takes away, shape (sets, curves)."""
         ends = np.array([[self._marked.index(level) for level in (c.upper, c.lower)] for c in curves])
         tilts = []
-        for one, points in zip(smoothing, (before, after), strict=True):
+        for smoother, points in zip(smoothing, (before, after), strict=True):
             plates = self.endplates(points)
-            tilts.append(vertebral_tilt(plates if one is None else one.smoothed(plates))[:, ends])
+            tilts.append(vertebral_tilt(plates if smoother is None else smoother.smoothed(plates))[:, ends])
         was, now = (tilt[..., 0] - tilt[..., 1] for tilt in tilts)
         side = np.array([1.0 if curve.convex == "right" else -1.0 for curve in curves])
         return np.clip(1.0 - side * now / np.abs(was), -1.0, 1.0)

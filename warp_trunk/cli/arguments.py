@@ -48,12 +48,12 @@ def parse(command: Any, arguments: Sequence[str]) -> Any:
         if shown is not None:
             print(f"The options that are set most; warp-trunk {name} --help-all shows all of them.\n")
         tyro.cli(OmitArgPrefixes[command], args=["--help"], registry=_registry(command, shown), prog=prog)
-    given = _given(command, words)
+    options_given = _options_given(command, words)
     said = io.StringIO()  # as it is no terminal, tyro draws neither boxes nor colours
     try:
         with redirect_stdout(said), redirect_stderr(said):
-            found = tyro.cli(OmitArgPrefixes[command], args=words, registry=_registry(command), prog=prog)
-        return replace(found, given=given) if hasattr(found, "given") else found
+            parsed = tyro.cli(OmitArgPrefixes[command], args=words, registry=_registry(command), prog=prog)
+        return replace(parsed, options_given=options_given) if hasattr(parsed, "options_given") else parsed
     except SystemExit as end:
         error: BaseException | None = end
         while error is not None and not isinstance(error, InputError):
@@ -73,21 +73,21 @@ def _message(said: str) -> str:
     return "; ".join(" ".join(part) for part in parts[1:] if part and part[0] not in ("For", "Argument"))
 
 
-def _given(command: Any, words: Sequence[str]) -> dict[str, str]:
+def _options_given(command: Any, words: Sequence[str]) -> dict[str, str]:
     """The options among the words by their names in Python, and as they were written.
 
     Raises:
         InputError: one is given again, though it is none that may be repeated.
     """
     hints = get_type_hints(command, include_extras=True)
-    found: dict[str, str] = {}
+    options_given: dict[str, str] = {}
     for option in (word.partition("=")[0] for word in words if word.startswith("--")):
         name = option.removeprefix("--").replace("-", "_")
-        if name in found and UseAppendAction not in getattr(hints.get(name), "__metadata__", ()):
+        if name in options_given and UseAppendAction not in getattr(hints.get(name), "__metadata__", ()):
             rule = "is given more than once, and only the last one would count"
             raise InputError(f"{option}: {rule}; give it once")
-        found[name] = option
-    return found
+        options_given[name] = option
+    return options_given
 
 
 def _registry(command: Any, common: frozenset[str] | None = None) -> ConstructorRegistry:
@@ -103,16 +103,16 @@ def _registry(command: Any, common: frozenset[str] | None = None) -> Constructor
         if not is_dataclass(info.type) or info.type in being_described:
             return None
         being_described.add(info.type)
-        found = ConstructorRegistry.get_struct_spec(info)
+        spec = ConstructorRegistry.get_struct_spec(info)
         being_described.remove(info.type)
-        if not isinstance(found, StructConstructorSpec):
+        if not isinstance(spec, StructConstructorSpec):
             return None
-        fields = [replace(field, helptext=partial(_flowing, field.helptext)) for field in found.fields]
+        fields = [replace(field, helptext=partial(_flowing, field.helptext)) for field in spec.fields]
         for place, field in enumerate(fields):
             rare = common is not None and info.type is not command and field.name not in common
             if field.name in ONLY_IN_PYTHON or (rare and not is_dataclass(field.type)):
                 fields[place] = replace(field, type=Suppress[field.type])
-        return replace(found, fields=tuple(fields))
+        return replace(spec, fields=tuple(fields))
 
     return registry
 
@@ -133,8 +133,8 @@ def _some_constants(*, shown: bool) -> StructConstructorSpec:
 
 def _flowing(text: str | Callable[[], str | None] | None) -> str | None:
     """A help text as one paragraph; tyro keeps the line breaks of some docstrings."""
-    known = text() if callable(text) else text
-    return known and " ".join(known.split())
+    flowing = text() if callable(text) else text
+    return flowing and " ".join(flowing.split())
 
 
 def _may_be_left_out(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] | None:
@@ -143,11 +143,11 @@ def _may_be_left_out(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] |
     if NoneType not in kinds or len(kinds) != 2:
         return None
     (kind,) = (kind for kind in kinds if kind is not NoneType)
-    found = ConstructorRegistry.get_primitive_spec(PrimitiveTypeInfo.make(kind, info.markers))
-    if not isinstance(found, PrimitiveConstructorSpec):
+    spec = ConstructorRegistry.get_primitive_spec(PrimitiveTypeInfo.make(kind, info.markers))
+    if not isinstance(spec, PrimitiveConstructorSpec):
         return None
     return replace(
-        found,
-        is_instance=lambda value: value is None or found.is_instance(value),
-        str_from_instance=lambda value: ["unset"] if value is None else found.str_from_instance(value),
+        spec,
+        is_instance=lambda value: value is None or spec.is_instance(value),
+        str_from_instance=lambda value: ["unset"] if value is None else spec.str_from_instance(value),
     )

@@ -62,8 +62,8 @@ class FitBack:
             with progress.stage("load", f"reading {self.back}"):
                 points, colours = read_back(self.back)
                 spine = read_patient_spine(self.spine, size)
-                found = read_landmarks(self.markers)
-                markers = Landmarks(found.names, found.points * size)
+                table = read_landmarks(self.markers)
+                markers = Landmarks(table.names, table.points * size)
                 if self.atlas is None:
                     body = made_body()
                 else:

@@ -66,7 +66,7 @@ class Cohort(_Cases):
             )
 
             with progress.stage("report", "writing tables and page"):
-                cohort = write_cohort(self.out, [one.row for one in done])
+                cohort = write_cohort(self.out, [outcome.row for outcome in done])
         print(cohort_text(cohort))
         page = self.out / "cohort.html"
         print(f"\nOpen {page} in a browser; the tables are cohort.csv, cases.csv and cohort.json beside it")
@@ -105,7 +105,7 @@ class Calibrate(_Cases):
 
     def _cases(self, options: CohortOptions, progress: Progress) -> list[FitJob]:
         """The cases that take part, each checked."""
-        found, free = [], ()
+        jobs, free = [], ()
         for folder in case_folders(self.folder):
             case, _ = read_checked_case(folder, align=self.align_pelvis)
             study = case.study
@@ -119,8 +119,8 @@ class Calibrate(_Cases):
             refuse_unread(options.run, case)
             check_free(self.free, case, options.run)
             free = free or tuple(FreeConstant(name=name, start=constant_of(case, name)) for name in self.free)
-            found.append(FitJob(folder=folder.resolve(), options=options, free=free, study=study))
-        if not found:
+            jobs.append(FitJob(folder=folder.resolve(), options=options, free=free, study=study))
+        if not jobs:
             after = "" if self.pose == "all" else f" after {self.pose}"
             raise InputError(f"{self.folder}: no case with a spine and an actual skin{after}; add actual_skin.ply")
-        return found
+        return jobs

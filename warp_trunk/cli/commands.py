@@ -50,12 +50,12 @@ def load(words: list[str]) -> Any:
     Raises:
         InputError: there is no word, or no such command.
     """
-    known = ", ".join(COMMANDS)
+    names = ", ".join(COMMANDS)
     if not words:
-        raise InputError(f"a command is needed: one of {known}; start with warp-trunk demo")
+        raise InputError(f"a command is needed: one of {names}; start with warp-trunk demo")
     name = words[0]
     if name not in COMMANDS:
-        raise InputError(f"'{name}': there is no such command{closest_name(name, COMMANDS)}; known are {known}")
+        raise InputError(f"'{name}': there is no such command{closest_name(name, COMMANDS)}; known are {names}")
     module, kind = COMMANDS[name].split(".")
     return getattr(importlib.import_module(f".{module}", __package__), kind)
 

@@ -21,7 +21,7 @@ class Doctor:
         for finding in examine(self.results):
             mark = "ok" if not finding.cure else "MISSING" if finding.needed else "note"
             ready &= not (finding.cure and finding.needed)
-            print(f"{mark:<8}{finding.name:<20}{finding.found}")
+            print(f"{mark:<8}{finding.name:<20}{finding.answer}")
             if finding.cure:
                 print(f"{'':<8}{'':<20}-> {finding.cure}")
         print("\nReady." if ready else "\nNot ready: see the lines marked MISSING.")

@@ -41,14 +41,14 @@ class Triangulate:
         """Writes the landmarks and says how well they are known."""
         check_place(self.out)
         first, second = read_film(self.pa, self.pa_matrix), read_film(self.lateral, self.lateral_matrix)
-        found = triangulate(first, second, self.limit, self.noise)
-        write_triangulation(self.out, found)
-        names = found.landmarks.names
+        made = triangulate(first, second, self.limit, self.noise)
+        write_triangulation(self.out, made)
+        names = made.landmarks.names
         print(f"{len(names)} landmarks written to {self.out}")
-        print(f"Reprojection error: {mean_and_largest(found.miss.max(axis=1), names, 'in units of the films')}")
+        print(f"Reprojection error: {mean_and_largest(made.miss.max(axis=1), names, 'in units of the films')}")
         print(
-            f"Expected error in space, for {found.noise:.2f} in each coordinate on the films: "
-            f"{mean_and_largest(found.error, names)}"
+            f"Expected error in space, for {made.noise:.2f} in each coordinate on the films: "
+            f"{mean_and_largest(made.error, names)}"
         )
         return OK
 
@@ -72,20 +72,20 @@ class Register:
         """Writes the skin and prints the rigid and the elastic part of its motion."""
         check_written(self.out)
         on_skin, on_films = read_landmarks(self.on_skin), read_landmarks(self.on_films)
-        found = register_skin(read_surface(self.skin), on_skin, on_films, self.nugget)
-        write_surface(self.out, found.skin)
-        turned = np.degrees(found.rigid.angle)
+        fit = register_skin(read_surface(self.skin), on_skin, on_films, self.nugget)
+        write_surface(self.out, fit.skin)
+        turned = np.degrees(fit.rigid.angle)
         centre = on_skin.points.mean(axis=0)
-        shift = np.linalg.norm(found.rigid.apply(centre) - centre)
+        shift = np.linalg.norm(fit.rigid.apply(centre) - centre)
         print(f"Skin written to {self.out}")
         print(
             f"Rigid part: turns by {turned:.2f} degrees, shifts by {shift:.1f} mm; markers are off by "
-            f"{mean_and_largest(found.rigid_miss, found.names)}"
+            f"{mean_and_largest(fit.rigid_miss, fit.names)}"
         )
         print(
-            f"Spline part: stretches by {100.0 * found.strain.min():+z.2f} to {100.0 * found.strain.max():+z.2f} "
-            f"%, bends the skin by {mean_and_largest(found.bending)}; markers are off by "
-            f"{mean_and_largest(found.miss, found.names)}; least volume {found.least_volume:.2f}, no fold"
+            f"Spline part: stretches by {100.0 * fit.strain.min():+z.2f} to {100.0 * fit.strain.max():+z.2f} "
+            f"%, bends the skin by {mean_and_largest(fit.bending)}; markers are off by "
+            f"{mean_and_largest(fit.miss, fit.names)}; least volume {fit.least_volume:.2f}, no fold"
         )
         return OK
 
@@ -127,8 +127,8 @@ class FitAtlas:
             write_surface(self.out / f"{name}.ply", bone)
         rows = zip(fit.names, fit.miss.tolist(), fit.left_out.tolist(), strict=True)
         write_whole(self.out / "atlas_fit.csv", csv_text([("name", "error", "error_left_out"), *rows]))
-        own, others = len(fit.own), len(fit.bones) - len(fit.own)
-        print(f"{len(fit.bones)} bones written to {self.out}: {own} by their own landmarks, {others} by all")
+        own, by_all = len(fit.own), len(fit.bones) - len(fit.own)
+        print(f"{len(fit.bones)} bones written to {self.out}: {own} by their own landmarks, {by_all} by all")
         print(f"Landmarks are missed by {mean_and_largest(fit.miss, fit.names)}")
         if np.isfinite(fit.left_out).any():
             print(f"Left out one at a time: {mean_and_largest(fit.left_out, fit.names)}")

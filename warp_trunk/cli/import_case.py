@@ -99,11 +99,11 @@ class Import:
 
 def _write_landmarks(folder: Path, made: Imported) -> None:
     """Writes how sure each vertebra is, and a picture of the landmarks."""
-    found = made.landmarks.vertebrae
-    rows = [f"{name},{v.asymmetry:.2f},{v.off_curve:.1f},{v.height:.1f}\n" for name, v in found.items()]
+    vertebrae = made.landmarks.vertebrae
+    rows = [f"{name},{v.asymmetry:.2f},{v.off_curve:.1f},{v.height:.1f}\n" for name, v in vertebrae.items()]
     head = "vertebra,left_right_differ_mm,off_curve_deg,body_height_mm\n"
     write_whole(folder / CONFIDENCE, head + "".join(rows))
-    if found:
+    if vertebrae:
         from warp_trunk.report.landmark_picture import landmark_picture  # brings matplotlib
 
         write_whole(folder / PICTURE, landmark_picture(made.case.bones, made.landmarks, made.case.skin))

@@ -71,9 +71,9 @@ class Measure:
                 actual = None if self.against is None else read_skin(self.against, self.case, case)
             with progress.stage("measure", "measuring"):
                 predicted = result if file.name == PREDICTED_SKIN else None
-                found = judged(case, skin, actual, self.when, predicted)
-        print(found.text)
-        write_measures(stem, found.words, found.table.rows)
+                judgement = judged(case, skin, actual, self.when, predicted)
+        print(judgement.text)
+        write_measures(stem, judgement.words, judgement.table.rows)
         if actual is not None and not case.landmarks_before.names:
             from warp_trunk.report.part_pictures import write_distances  # brings matplotlib
 
@@ -91,16 +91,16 @@ class Measure:
             markers = None if self.markers is None else read_landmarks(self.markers, units=self.units)
             back = Surface(size * back.vertices, back.faces) if isinstance(back, Surface) else size * back
             line = Landmarks(line.names, size * line.points) if isinstance(line, Landmarks) else size * line
-            found = measure_back(back, line, markers)
-        print(found.text())
-        words = {"back": file.name, "pelvis": found.pelvis, "spine": found.spine}
-        words |= {"notes": list(found.notes), "missing": found.missing}
-        write_measures(stem, words, found.measured())
+            measures = measure_back(back, line, markers)
+        print(measures.text())
+        words = {"back": file.name, "pelvis": measures.pelvis, "spine": measures.spine}
+        words |= {"notes": list(measures.notes), "missing": measures.missing}
+        write_measures(stem, words, measures.measured())
         print(f"\nWritten to {stem}.json and {stem}.csv")
-        if found.scan is not None and found.scan.left_out:
+        if measures.scan is not None and measures.scan.left_out:
             from warp_trunk.report.back_picture import back_picture  # brings matplotlib
 
-            write_whole(stem.with_name(f"{stem.name}.png"), back_picture(found, found.scan))
+            write_whole(stem.with_name(f"{stem.name}.png"), back_picture(measures, measures.scan))
             print(f"What was left out is shown in {stem}.png")
         return OK
 
@@ -175,7 +175,7 @@ def read_skin(path: Path, case_folder: Path | None, case: Case) -> Surface:
         rule = "a skin must be closed, and its triangles counterclockwise seen from outside"
         raise InputError(f"{path}: {rule}, but {fault}; close it with warp-trunk close, or flip its triangles")
     (low, high), (own_low, own_high) = (
-        (one.vertices.min(axis=0), one.vertices.max(axis=0)) for one in (surface, case.skin)
+        (surface_.vertices.min(axis=0), surface_.vertices.max(axis=0)) for surface_ in (surface, case.skin)
     )
     apart = (low > own_high).any() or (high < own_low).any()
     if apart or not 0.5 < (high[2] - low[2]) / (own_high[2] - own_low[2]) < 2.0:

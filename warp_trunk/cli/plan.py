@@ -94,19 +94,19 @@ class PlanCommand:
                 cure = "write the motions of its bones in motions.toml and simulate it, or move them with --live"
                 raise InputError(f"plan: {self.case} has no landmarks of a spine; {cure}")
             intention = self._intention(case.landmarks_before)
-            found = None
+            best = None
             if self.aim is not None:
-                found = best_plan(
+                best = best_plan(
                     case, intention, self.within, self.aim, self.options, self.execution, progress=progress
                 )
-            surgery = plan_surgery(case, intention if found is None else found.plan)
+            surgery = plan_surgery(case, intention if best is None else best.plan)
             with progress.stage("write", f"writing {self.out}"):
                 planned = write_planned_case(self.out, case, surgery)
             print(surgery_text(surgery))
             for warning in check_motion(case.landmarks_before, planned.planned_landmarks, "the plan"):
                 progress.message(f"warning: {warning}")
-            if found is not None:
-                print(f"\n{best_plan_text(found)}")
+            if best is not None:
+                print(f"\n{best_plan_text(best)}")
             print(f"\nPlanned case written to {self.out}")
             if not self.predict:
                 print(f"Simulate it: {next_command('simulate', self.out)}")
@@ -144,21 +144,21 @@ class PlanCommand:
 
     def _intention(self, before: Any) -> Plan:
         """The plan of the file with the options of the command in place of what it says."""
-        given: dict[str, Any] = {
+        stated: dict[str, Any] = {
             name: value
             for name in ("uiv", "liv", "kyphosis_T5_T12", "lordosis_L1_L5", "unfused", "spontaneous", "balance",
                          "sva_after")
             if (value := getattr(self, name)) is not None
         }  # fmt: skip
         if self.curve:
-            given["curves"] = tuple(curve_of_text(text) for text in self.curve)
+            stated["curves"] = tuple(curve_of_text(text) for text in self.curve)
         if self.plan is not None:
-            return replace(read_plan(self.plan), **given)
-        if "uiv" not in given or "liv" not in given:
+            return replace(read_plan(self.plan), **stated)
+        if "uiv" not in stated or "liv" not in stated:
             curves = ", ".join(
                 f"{c.angle:.0f} degrees {c.upper} to {c.lower} with apex {c.apex}" for c in cobb_angles(before)
             )
             raise InputError(
                 f"plan: give --plan plan.toml, or --uiv, --liv and --curve; the curves are {curves or 'none'}"
             )
-        return Plan(**given)
+        return Plan(**stated)

@@ -52,13 +52,13 @@ class SimulationArguments:
     tissue: Annotated[SomeConstants, tyro.conf.arg(name="")] = field(default_factory=SomeConstants)
     """Material of the soft tissue; values that are not given come from the tissue file, then from case.toml."""
 
-    given: Suppress[Mapping[str, str]] = field(default_factory=dict)
+    options_given: Suppress[Mapping[str, str]] = field(default_factory=dict)
     """Options that the command gives, by their names in Python, and as they were written."""
 
     @cached_property
     def chosen(self) -> RunOptions:
         """These options, with the constants of the tissue file, and over them those of the command."""
-        papers = {name: PAPERS[name] for name in PAPERS.keys() - self.given.keys()} if self.papers else {}
+        papers = {name: PAPERS[name] for name in PAPERS.keys() - self.options_given.keys()} if self.papers else {}
         of_file = {} if self.tissue_file is None else read_tissue_file(self.tissue_file)
         return replace(self.options, **papers, constants=of_file | self.tissue)
 

@@ -88,8 +88,8 @@ class Close:
                     )
             with progress.stage("close", "closing the skin"):
                 closed = close_skin(parts, cuts, self.options)
-            known = any(space is not None for _, space in stated.values())
-            write_surface(self.out, closed.surface, "LPS" if known else None)
+            is_stated = any(space is not None for _, space in stated.values())
+            write_surface(self.out, closed.surface, "LPS" if is_stated else None)
         for opening in closed.openings:
             what, place = "end, flat" if opening.is_end else "hole", "({:.0f}, {:.0f}, {:.0f}) mm"
             print(f"Closed: {what}, {opening.area / 100.0:.1f} cm2 at {place.format(*opening.centre)}")
@@ -130,24 +130,24 @@ class FindLandmarks:
                 axes, size = header.frame, MILLIMETRES[header.units]
                 check_bones(bones, str(self.bones), axes.code)
             with progress.stage("find", "finding landmarks"):
-                found = find_landmarks(bones)
+                landmarks = find_landmarks(bones)
             in_case = self.out.resolve().parent == case.resolve()
-            points = found.landmarks.points @ axes.matrix / size if in_case else found.landmarks.points
-            write_landmarks(self.out, Landmarks(found.landmarks.names, points))
+            points = landmarks.landmarks.points @ axes.matrix / size if in_case else landmarks.landmarks.points
+            write_landmarks(self.out, Landmarks(landmarks.landmarks.names, points))
             if self.picture is not None:
                 from warp_trunk.report.landmark_picture import landmark_picture  # brings matplotlib
 
                 with progress.stage("picture", f"drawing {self.picture}"):
-                    write_whole(self.picture, landmark_picture(bones, found))
+                    write_whole(self.picture, landmark_picture(bones, landmarks))
         print("vertebra   left and right differ by   off the curve by   body's height")
-        for name, one in found.vertebrae.items():
-            print(f"{name:8}{one.asymmetry:22.2f} mm   {one.off_curve:12.1f} deg   {one.height:10.1f} mm")
-        for name, why in found.unsure.items():
+        for name, v in landmarks.vertebrae.items():
+            print(f"{name:8}{v.asymmetry:22.2f} mm   {v.off_curve:12.1f} deg   {v.height:10.1f} mm")
+        for name, why in landmarks.unsure.items():
             print(f"warp-trunk: {name}: not found: {why}", file=sys.stderr)
-        print(f"{len(found.landmarks.names)} landmarks written to {self.out}")
+        print(f"{len(landmarks.landmarks.names)} landmarks written to {self.out}")
         if in_case and is_case(case):
             print(state_bone_landmarks(case / HEADER))
-        return INCOMPLETE if found.unsure else OK
+        return INCOMPLETE if landmarks.unsure else OK
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -32,13 +32,13 @@ def cohort_page(rows: Sequence[CaseRow], summary: CohortSummary) -> str:
     with rc_context(RC):
         drawn = (levels_picture(summary), agreement_picture(rows, summary)) if summary.levels else ()
         drawings = {n: file_of(figure, "svg") for n, figure in zip(("levels", "agreement"), drawn, strict=False)}
-    found = case_errors(errors(rows)).filter(guess="predicted").select("folder", "range", "mean", "sd")
+    per_case = case_errors(errors(rows)).filter(guess="predicted").select("folder", "range", "mean", "sd")
     return rendered(
         "cohort.html",
         drawings,
         summary=summary,
         rows=[row for row in rows if row.status != FAILED],
-        errors={(folder, part): error for folder, part, *error in found.iter_rows()},
+        errors={(folder, part): error for folder, part, *error in per_case.iter_rows()},
         warnings=[*worse_parts(summary), *_left_out(rows, summary)],
         distances=distances_text(summary),
         against=AGAINST,
@@ -55,9 +55,9 @@ def _left_out(rows: Sequence[CaseRow], summary: CohortSummary) -> list[str]:
     ]
 
 
-def plus_minus(one: Estimate) -> str:
+def plus_minus(estimate: Estimate) -> str:
     """A mean with its standard deviation, if it has one."""
-    return f"{one.mean:.2f}" + ("" if one.sd is None else f" ± {one.sd:.2f}")
+    return f"{estimate.mean:.2f}" + ("" if estimate.sd is None else f" ± {estimate.sd:.2f}")
 
 
 SPLINE = "#009e73"
@@ -69,15 +69,15 @@ def levels_picture(summary: CohortSummary) -> Figure:
     """Mean absolute error and its standard deviation at every level, with the errors that any method must beat."""
     levels = summary.levels
     figure = new_figure(6.4, 1.6 + 0.22 * max(len(levels), 8), "constrained")
-    axes, at = figure.subplots(), np.arange(len(levels))
-    nothing, spline = [one.nothing_changes for one in levels.values()], [one.spline for one in levels.values()]
+    axes, places = figure.subplots(), np.arange(len(levels))
+    nothing, spline = [at.nothing_changes for at in levels.values()], [at.spline for at in levels.values()]
     small: dict[str, Any] = {"markersize": 4.0, "linewidth": 1.2}
-    axes.plot(nothing, at, "o--", color=BEFORE.colour, label="nothing changes", **small)
-    axes.plot(spline, at, "D:", color=SPLINE, label="the spline carries the skin", **small)
-    errors = [one.error for one in levels.values()]
+    axes.plot(nothing, places, "o--", color=BEFORE.colour, label="nothing changes", **small)
+    axes.plot(spline, places, "D:", color=SPLINE, label="the spline carries the skin", **small)
+    errors = [at.error for at in levels.values()]
     axes.errorbar(
         [error.mean for error in errors],
-        at,
+        places,
         xerr=[error.sd or 0.0 for error in errors],
         color=PREDICTED.colour,
         marker=PREDICTED.marker,
@@ -88,7 +88,7 @@ def levels_picture(summary: CohortSummary) -> Figure:
         label="predicted (mean ± SD over patients)",
     )
     axes.axvline(DETECTABLE, color=INK, linewidth=0.8, linestyle=(0, (6, 3)))
-    axes.set_yticks(at, list(levels))
+    axes.set_yticks(places, list(levels))
     axes.set_ylim(len(levels) - 0.4, -0.6)
     axes.set_xlim(left=0.0)
     across = f"mean absolute error of back surface rotation [degrees]; dashed: {DETECTABLE:g}"
@@ -106,12 +106,12 @@ def _finish(figure: Figure, axes: Axes, across: str, up: str) -> None:
 
 def agreement_picture(rows: Sequence[CaseRow], summary: CohortSummary) -> Figure:
     """Bland and Altman's plot: every level's difference over its mean, with the limits of agreement."""
-    ones = errors(row for row in rows if row.counts)
-    ones = ones.filter(pl.col("level").is_in(RANGES[WHOLE]), guess="predicted")
-    ones = ones.with_columns(lumbar=pl.col("level").str.starts_with("L"))
+    table = errors(row for row in rows if row.counts)
+    table = table.filter(pl.col("level").is_in(RANGES[WHOLE]), guess="predicted")
+    table = table.with_columns(lumbar=pl.col("level").str.starts_with("L"))
     figure = new_figure(4.6, 4.6, "constrained")
     axes = figure.subplots()
-    guessed, actual, lumbar = (ones[name].to_numpy() for name in ("guessed", "actual", "lumbar"))
+    guessed, actual, lumbar = (table[name].to_numpy() for name in ("guessed", "actual", "lumbar"))
     pale: dict[str, Any] = {"markersize": 3.5, "alpha": PALE, "markeredgewidth": 0.0}
     for part, marker, colour, label in (
         (~lumbar, "s", PREDICTED.colour, "thoracic"),
@@ -119,11 +119,11 @@ def agreement_picture(rows: Sequence[CaseRow], summary: CohortSummary) -> Figure
     ):
         mean, difference = 0.5 * (guessed + actual)[part], (guessed - actual)[part]
         axes.plot(mean, difference, marker, color=colour, label=label, **pale)
-    if (found := summary.agreement) is not None:
+    if (limits := summary.agreement) is not None:
         for value, name, style in (
-            (found.bias, "mean", "-"),
-            (found.low, "", "--"),
-            (found.high, "95 % limits", "--"),
+            (limits.bias, "mean", "-"),
+            (limits.low, "", "--"),
+            (limits.high, "95 % limits", "--"),
         ):
             if value is not None:
                 text, place = f"{name} {value:+z.1f}".strip(), ("axes fraction", "data")
@@ -153,12 +153,12 @@ def worse_parts(summary: CohortSummary) -> list[str]:
     """A sentence for each region that is predicted worse than by a baseline."""
     sentences = []
     for name, part in REGIONS.items():
-        found = summary.ranges[name]
+        mean_of = summary.ranges[name]
         for what, gain, other in (
-            ("saying that nothing changes", found["better_than_nothing"], found["nothing_changes"]),
-            ("moving the skin with the spline of the landmarks", found["better_than_spline"], found["spline"]),
+            ("saying that nothing changes", mean_of["better_than_nothing"], mean_of["nothing_changes"]),
+            ("moving the skin with the spline of the landmarks", mean_of["better_than_spline"], mean_of["spline"]),
         ):
-            error = found["error"]
+            error = mean_of["error"]
             if gain is not None and other is not None and error is not None and gain.mean < 0.0:
                 sentences.append(
                     f"{part} is predicted worse than by {what}: the error is {error.mean:.2f} degrees, not "
@@ -205,9 +205,9 @@ def cohort_text(summary: CohortSummary) -> str:
         if names:
             more = f" and {len(names) - 12} more" if len(names) > 12 else ""
             lines.append(f"{what}: {', '.join(names[:12])}{more}")
-    for name, one in summary.ranges.items():
-        error, nothing, spline = one["error"], one["nothing_changes"], one["spline"]
-        if error and nothing and spline and (within := one["within"]):
+    for name, estimates in summary.ranges.items():
+        error, nothing, spline = estimates["error"], estimates["nothing_changes"], estimates["spline"]
+        if error and nothing and spline and (within := estimates["within"]):
             lines.append(
                 f"{name:<7} mean absolute error {plus_minus(error)}° over patients; "
                 f"{nothing.mean:.2f}° if nothing changed, {spline.mean:.2f}° by the spline; "

@@ -63,7 +63,7 @@ class CaseOutcome:
 
     row: CaseRow
     """Its row."""
-    kept: bool = False
+    reused: bool = False
     """Whether it was there already, of the same case and options."""
     notice: str = ""
     """Why an earlier result was not kept, in words."""
@@ -96,7 +96,7 @@ def _do_case(folder: Path, out: Path, options: CohortOptions) -> CaseOutcome:
     if earlier is not None:
         notice = difference(earlier.made_from, made_from)
         if not notice:
-            return CaseOutcome(row=dataclasses.replace(earlier.row, folder=folder.name), kept=True)
+            return CaseOutcome(row=dataclasses.replace(earlier.row, folder=folder.name), reused=True)
     out.mkdir(parents=True, exist_ok=True)
     (out / JUDGED).unlink(missing_ok=True)
     with (out / LOG).open("a", encoding="utf-8", newline="\n") as log, Progress(log) as progress:
@@ -124,12 +124,12 @@ def _made_from(case: Case, options: CohortOptions) -> Fingerprint:
 
 def _row(case: Case, folder: Path, result: Result) -> CaseRow:
     """The row of a case whose result is complete."""
-    found = judged(case, result.skin, case.actual_skin, "after", result)
-    write_measures(result.folder / MEASURES, found.words, found.table.rows)
+    judgement = judged(case, result.skin, case.actual_skin, "after", result)
+    write_measures(result.folder / MEASURES, judgement.words, judgement.table.rows)
     summary, study = result.summary, case.study
     main = max(summary.curves[BEFORE], key=lambda curve: curve.angle, default=None)
     left = None if main is None else result.table.value(PREDICTED, "cobb_deg", main.ends)
-    of_errors = [row for row in found.table.rows if row.state == "error"]
+    of_errors = [row for row in judgement.table.rows if row.state == "error"]
     if case.has_spine:
         of_errors += _carried(case, result.measures_before)
     elif case.actual_skin is not None:  # the error, had one said that nothing changes
@@ -221,8 +221,8 @@ class CaseRow:
     def judged(self) -> bool:
         """Whether its actual back is known at any level, or without a spine its actual skin."""
         table = self.table
-        known = (*table.values(ACTUAL, "bsr_deg").values(), table.value("error", "distance_mean_mm"))
-        return any(value is not None for value in known)
+        actual_values = (*table.values(ACTUAL, "bsr_deg").values(), table.value("error", "distance_mean_mm"))
+        return any(value is not None for value in actual_values)
 
 
 @dataclass(frozen=True, kw_only=True)

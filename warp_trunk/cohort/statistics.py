@@ -50,7 +50,7 @@ def over_patients(values: Sequence[float], patients: Sequence[str]) -> Estimate 
         of.setdefault(patient, []).append(value)
     if not of:
         return None
-    means = np.array([np.mean(one) for one in of.values()])
+    means = np.array([np.mean(values_of_patient) for values_of_patient in of.values()])
     low = high = None
     if len(means) >= 3:
         from scipy.stats import bootstrap  # heavy
@@ -143,10 +143,10 @@ def trend(x: Sequence[float | None], y: Sequence[float | None]) -> Trend | None:
     Returns:
         The line; None for fewer than three points, or where either number never changes.
     """
-    known = np.array([(a, b) for a, b in zip(x, y, strict=True) if a is not None and b is not None], dtype=float)
-    if len(known) < LEAST or (np.ptp(known, axis=0) == 0.0).any():
+    points = np.array([(a, b) for a, b in zip(x, y, strict=True) if a is not None and b is not None], dtype=float)
+    if len(points) < LEAST or (np.ptp(points, axis=0) == 0.0).any():
         return None
     from scipy.stats import linregress  # heavy
 
-    line: Any = linregress(known[:, 0], known[:, 1])
-    return Trend(*map(float, (line.slope, line.intercept, line.rvalue, line.pvalue)), points=len(known))
+    line: Any = linregress(points[:, 0], points[:, 1])
+    return Trend(*map(float, (line.slope, line.intercept, line.rvalue, line.pvalue)), points=len(points))

@@ -112,7 +112,7 @@ def tidy(rows: Iterable[CaseRow]) -> pl.DataFrame:
     schema = {name: pl.String for name in ("folder", "patient", "state", "level", "quantity")}
     schema |= {name: pl.Float64 for name in ("value", "low", "high")}
     numbers = (
-        {"folder": row.folder, "patient": row.patient, **asdict(one)} for row in rows for one in row.measures
+        {"folder": row.folder, "patient": row.patient, **asdict(number)} for row in rows for number in row.measures
     )
     return pl.DataFrame(list(numbers), schema)
 
@@ -154,9 +154,9 @@ def case_errors(of: pl.DataFrame) -> pl.DataFrame:
 def summarize_cohort(rows: Sequence[CaseRow]) -> CohortSummary:
     """The numbers of a cohort; only cases count that converged, after surgery, and have an actual skin."""
     counted = [row for row in rows if row.counts]
-    known = [row for row in rows if row.status == CONVERGED]
-    found = errors(counted)
-    cases, predicted = case_errors(found), found.filter(pl.col("level").is_in(RANGES[WHOLE]), guess="predicted")
+    converged = [row for row in rows if row.status == CONVERGED]
+    table = errors(counted)
+    cases, predicted = case_errors(table), table.filter(pl.col("level").is_in(RANGES[WHOLE]), guess="predicted")
     whole = dict(cases.filter(range=WHOLE, guess="predicted").select("folder", "mean").iter_rows())
     return CohortSummary(
         cases=len(rows),
@@ -164,8 +164,8 @@ def summarize_cohort(rows: Sequence[CaseRow]) -> CohortSummary:
         patients=len({row.patient for row in counted}),
         failed=tuple(row.folder for row in rows if row.status == FAILED),
         unfinished=tuple(row.folder for row in rows if row.status not in (FAILED, CONVERGED)),
-        without_actual=tuple(row.folder for row in known if not row.judged),
-        bending=tuple(row.folder for row in known if row.pose == "bending"),
+        without_actual=tuple(row.folder for row in converged if not row.judged),
+        bending=tuple(row.folder for row in converged if row.pose == "bending"),
         synthetic=sum(row.synthetic for row in rows),
         ranges={name: _estimates(cases.filter(range=name)) for name in RANGES},
         lenke={
@@ -176,7 +176,7 @@ def summarize_cohort(rows: Sequence[CaseRow]) -> CohortSummary:
             )
             for kind, folders in sorted(_by_type(counted).items())
         },
-        levels={level: one for level in RANGES[WHOLE] if (one := _level(found.filter(level=level)))},
+        levels={level: at for level in RANGES[WHOLE] if (at := _level(table.filter(level=level)))},
         agreement=limits_of_agreement(predicted["error"].to_list(), predicted["patient"].to_list()),
         hump=_hump(tidy(counted).filter(quantity="main_hump_mm")),
         distance={
@@ -209,19 +209,19 @@ def _estimates(cases: pl.DataFrame) -> Estimates:
     )
 
     def estimate(name: str) -> Estimate | None:
-        known = numbers.select("patient", name).drop_nulls()
-        return over_patients(known[name].to_list(), known["patient"].to_list())
+        values = numbers.select("patient", name).drop_nulls()
+        return over_patients(values[name].to_list(), values["patient"].to_list())
 
     return {name: estimate(name) for name in numbers.columns[1:]}
 
 
 def _by_type(rows: Sequence[CaseRow]) -> dict[str, list[str]]:
     """The folders of cases by curve type, without the lumbar modifier."""
-    found: dict[str, list[str]] = {}
+    by_type: dict[str, list[str]] = {}
     for row in rows:
         if row.lenke:
-            found.setdefault(row.lenke[0], []).append(row.folder)
-    return found
+            by_type.setdefault(row.lenke[0], []).append(row.folder)
+    return by_type
 
 
 def _mean(numbers: pl.DataFrame) -> Estimate | None:
@@ -240,8 +240,8 @@ def _level(of: pl.DataFrame) -> LevelSummary | None:
 
 def _hump(humps: pl.DataFrame) -> HumpSummary | None:
     states = ("predicted", "actual")
-    known = humps.pivot("state", on_columns=states, index=["folder", "patient"], values="value").drop_nulls()
-    predicted, actual, patients = (known[name].to_list() for name in (*states, "patient"))
+    pairs = humps.pivot("state", on_columns=states, index=["folder", "patient"], values="value").drop_nulls()
+    predicted, actual, patients = (pairs[name].to_list() for name in (*states, "patient"))
     differences = [a - b for a, b in zip(predicted, actual, strict=True)]
     error = over_patients([abs(difference) for difference in differences], patients)
     agreement = limits_of_agreement(differences, patients)

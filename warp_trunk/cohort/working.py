@@ -44,14 +44,14 @@ def work(
     for folder in folders:
         place, key = (out / folder.name).resolve(), f"case-{folder.name}"
         futures[client.submit(do_case, folder.resolve(), place, options, key=key, pure=False)] = folder
-    found: dict[Path, CaseOutcome] = {}
+    outcomes: dict[Path, CaseOutcome] = {}
     progress.part("cases", 0, len(folders))
     for future, ended in _ended(client, futures, out):
         folder = futures[future]
-        done = found[folder] = ended if isinstance(ended, CaseOutcome) else _lost(folder, ended)
-        failed = sum(one.row.status == FAILED for one in found.values())
-        progress.part("cases", len(found), len(folders), _line(done), f"{failed} failed")
-    return [found[folder] for folder in folders]
+        done = outcomes[folder] = ended if isinstance(ended, CaseOutcome) else _lost(folder, ended)
+        failed = sum(outcome.row.status == FAILED for outcome in outcomes.values())
+        progress.part("cases", len(outcomes), len(folders), _line(done), f"{failed} failed")
+    return [outcomes[folder] for folder in folders]
 
 
 def _ended(client: Client, futures: dict[Any, Path], out: Path) -> Iterator[tuple[Any, Any]]:
@@ -93,7 +93,7 @@ def _warm_each_host(client: Client, options: CohortOptions) -> None:
 
 def _line(done: CaseOutcome) -> str:
     """The case that ended, and how."""
-    said = "kept" if done.kept else done.row.reason or done.row.status
+    said = "kept" if done.reused else done.row.reason or done.row.status
     return f"{done.row.folder}: {said}" + (f"; done again, for {done.notice}" if done.notice else "")
 
 
@@ -107,11 +107,11 @@ def case_folders(folder: Path) -> list[Path]:
         raise MissingFileError(f"{folder}: there is no such folder; give the one that holds the case folders")
     if is_case(folder):
         raise InputError(f"{folder}: is one case; give the folder that holds it and the others, or use simulate")
-    found = sorted(path for path in folder.iterdir() if is_case(path))
-    if not found:
+    folders = sorted(path for path in folder.iterdir() if is_case(path))
+    if not folders:
         cure = "a case folder has skin.ply and bones/ in it; make cases with warp-trunk import, plan or make-case"
         raise InputError(f"{folder}: holds no case folder; {other_kind(folder, 'cases') or cure}")
-    return found
+    return folders
 
 
 def check_out(out: Path, folder: Path, names: list[str]) -> list[str]:
@@ -224,5 +224,5 @@ def _gpus() -> list[str]:
 
     wp.init()
     count = wp.get_cuda_device_count()
-    given = [name for name in os.environ.get("CUDA_VISIBLE_DEVICES", "").split(",") if name]
-    return given[:count] if len(given) >= count else [str(number) for number in range(count)]
+    devices = [name for name in os.environ.get("CUDA_VISIBLE_DEVICES", "").split(",") if name]
+    return devices[:count] if len(devices) >= count else [str(number) for number in range(count)]

@@ -157,7 +157,7 @@ class BackMeasures:
         return (*notes, *(f"No rotation at {', '.join(names)}: {reason}." for reason, names in by_reason.items()))
 
     def measured(self) -> list[Measured]:
-        """The back as rows of the state `back`, with the intervals that the noise of a scan leaves."""
+        """The measures as rows of the state `back`, with the intervals that the noise of a scan leaves."""
         rows = []
         for level, height, rotation, slope, bent in self.rows():
             back = self.levels[level]

@@ -111,12 +111,12 @@ def _field(
     grid = Grid.over(lower, upper, voxel)
     field = np.full(grid.shape, band, dtype=np.float32)
 
-    def one(distance: SurfaceDistance) -> tuple[Box, np.ndarray]:
+    def near_surface(distance: SurfaceDistance) -> tuple[Box, np.ndarray]:
         box = grid.box(distance.lower - band, distance.upper + band)
         return box, distance.on_grid(grid, box, np.ones(field[box].shape, dtype=bool), band)
 
     second = field.copy()
-    for box, near in each_over_cores(one, distances):
+    for box, near in each_over_cores(near_surface, distances):
         second[box] = np.minimum(second[box], np.maximum(field[box], near))
         field[box] = np.minimum(field[box], near)
     field = np.minimum(field, 0.5 * (field + second - _GAP * voxel))  # of the two nearest bones

@@ -96,8 +96,8 @@ def make_trunk(
     tell = progress or (lambda what: None)
     start = time.perf_counter()
     key = cache_key(skin, bones, repr(sorted(asdict(options).items())))
-    if cache and (kept := load_cached(key)) is not None:
-        return TrunkBuild(kept, True, 0.0, time.perf_counter() - start)
+    if cache and (cached := load_cached(key)) is not None:
+        return TrunkBuild(cached, True, 0.0, time.perf_counter() - start)
 
     check_number(options.tets, len(skin.faces))
     tell("checking the skin")

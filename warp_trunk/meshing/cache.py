@@ -24,8 +24,8 @@ _ARRAYS = tuple(field.name for field in fields(TrunkMesh) if field.name not in (
 
 def cache_folder() -> Path:
     """Where meshes are kept: WARP_TRUNK_CACHE if set, else the place this system has for such files."""
-    if given := os.environ.get("WARP_TRUNK_CACHE"):
-        return Path(given)
+    if variable := os.environ.get("WARP_TRUNK_CACHE"):
+        return Path(variable)
     return platformdirs.user_cache_path("warp-trunk", appauthor=False)
 
 
@@ -42,13 +42,13 @@ def load_cached(key: str) -> TrunkMesh | None:
     path = _path(key)
     try:
         # objects would be pickles, which can run code; the checksum of every array is checked
-        with limited_memory(path.stat().st_size), np.load(path, allow_pickle=False) as kept:
-            arrays = {name: kept[name] for name in _ARRAYS}
+        with limited_memory(path.stat().st_size), np.load(path, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in _ARRAYS}
             if any(array.dtype != (np.float64 if name == "nodes" else np.int32) for name, array in arrays.items()):
                 return None
-            trunk = TrunkMesh(**arrays, bone_names=tuple(map(str, kept["bone_names"])))
+            trunk = TrunkMesh(**arrays, bone_names=tuple(map(str, archive["bone_names"])))
             check_trunk(trunk, str(path))
-            return trunk if str(kept["key"]) == key else None
+            return trunk if str(archive["key"]) == key else None
     except Exception:  # numpy and zipfile fail in many ways on a damaged file; the mesh can be made again
         return None
 

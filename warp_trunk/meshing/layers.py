@@ -42,8 +42,8 @@ def real_skin(skin: Surface) -> np.ndarray:
         if mesh.area_faces[patch].sum() > LEAST_CUT:
             is_skin[patch] = False
     if not is_skin.any():
-        found = f"all of it is flat over more than {LEAST_CUT / 100.0:g} cm^2, as where a scan is cut off"
-        raise InputError(f"skin: {found}; layers by depth need a curved skin: give a mesh or leave them out")
+        extent = f"all of it is flat over more than {LEAST_CUT / 100.0:g} cm^2, as where a scan is cut off"
+        raise InputError(f"skin: {extent}; layers by depth need a curved skin: give a mesh or leave them out")
     return is_skin
 
 
@@ -96,13 +96,13 @@ def part_negative(values: np.ndarray) -> np.ndarray:
     a, b, c, d = np.sort(values, axis=1).T
     negative = (values < 0.0).sum(axis=1)
     result = (negative == 4).astype(np.float64)
-    one, two, three = (negative == count for count in (1, 2, 3))
+    single, two, three = (negative == count for count in (1, 2, 3))
 
     def cut(end: np.ndarray, other: np.ndarray, where: np.ndarray) -> np.ndarray:
         """Where the function is zero on an edge, as a part of its length from the end."""
         return end[where] / (end[where] - other[where])
 
-    result[one] = cut(a, b, one) * cut(a, c, one) * cut(a, d, one)
+    result[single] = cut(a, b, single) * cut(a, c, single) * cut(a, d, single)
     result[three] = 1.0 - cut(d, a, three) * cut(d, b, three) * cut(d, c, three)
     ac, ad, bc, bd = cut(a, c, two), cut(a, d, two), cut(b, c, two), cut(b, d, two)
     result[two] = ac * ad + ac * bd * (1.0 - ad) + bc * bd * (1.0 - ac)
@@ -136,15 +136,15 @@ def labels_from_mesh(trunk: TrunkMesh, path: Path) -> np.ndarray:
         what = f"cannot be read as tetrahedra with the cell data 'tissue' ({reason(error)})"
         raise InputError(f"{path}: {what}; write it again") from error
     if labels.size == 0 or not np.isin(labels, range(len(NAMES))).all():
-        found = ", ".join(map(str, np.unique(labels)[:6]))
+        content = ", ".join(map(str, np.unique(labels)[:6]))
         meant = ", ".join(f"{number} {name}" for number, name in enumerate(NAMES))
         raise InputError(
-            f"{path}: the cell data 'tissue' must be {meant}, but has {found or 'no value'}; relabel it"
+            f"{path}: the cell data 'tissue' must be {meant}, but has {content or 'no value'}; relabel it"
         )
     distance, nearest = KDTree(centroids).query(trunk.nodes[trunk.tets].mean(axis=1), workers=-1)
     if distance.max() > REACH:
-        found = f"leaves tissue {distance.max():.0f} mm from its nearest cell without a label"
-        raise InputError(f"{path}: {found}; it must fill the trunk to within {REACH:g} mm, in mm and LPS")
+        content = f"leaves tissue {distance.max():.0f} mm from its nearest cell without a label"
+        raise InputError(f"{path}: {content}; it must fill the trunk to within {REACH:g} mm, in mm and LPS")
     return labels[nearest].astype(np.int8)
 
 

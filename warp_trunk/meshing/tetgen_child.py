@@ -15,17 +15,17 @@ from warp_trunk.system import DISK_FULL, end_with_parent
 def main() -> None:
     """Reads surfaces, holes and bounds, and writes nodes and tetrahedra; a refusal goes to standard error."""
     end_with_parent()
-    given = np.load(sys.argv[1], allow_pickle=False)
-    mesher = tetgen.TetGen(given["vertices"], given["faces"])
-    for point in given["holes"]:
+    inputs = np.load(sys.argv[1], allow_pickle=False)
+    mesher = tetgen.TetGen(inputs["vertices"], inputs["faces"])
+    for point in inputs["holes"]:
         mesher.add_hole(point.tolist())
-    bound = float(given["bound"])
+    bound = float(inputs["bound"])
     try:
         nodes, tets, *_ = mesher.tetrahedralize(
             plc=True,
             nobisect=True,  # no new nodes on the surfaces
             quality=True,
-            minratio=float(given["ratio"]),
+            minratio=float(inputs["ratio"]),
             mindihedral=0.0,
             optmaxdihedral=165.0,
             fixedvolume=bool(np.isfinite(bound)),

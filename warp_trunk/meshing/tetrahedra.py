@@ -92,8 +92,8 @@ def tetrahedralize(
     count = len(best.tets)
     _check_enough(tets, count, count, len(skin.faces), len(bones.faces))
     if count < (1.0 - _WITHIN) * tets:
-        found = f"{best.runs} runs of TetGen came to {count} at best"
-        raise InputError(f"tets: {tets} were asked for, but {found}; ask for another number")
+        reached = f"{best.runs} runs of TetGen came to {count} at best"
+        raise InputError(f"tets: {tets} were asked for, but {reached}; ask for another number")
     return best
 
 
@@ -183,9 +183,9 @@ class _BoundSearch:
 
 
 def _tetgen(both: Surface, holes: np.ndarray, bound: float, ratio: float) -> tuple[np.ndarray, np.ndarray]:
-    given, failed = both.vertices, "TetGen cannot fill the space between them"
+    input_vertices, failed = both.vertices, "TetGen cannot fill the space between them"
     try:
-        nodes, tets = run_tetgen(vertices=given, faces=both.faces, holes=holes, bound=bound, ratio=ratio)
+        nodes, tets = run_tetgen(vertices=input_vertices, faces=both.faces, holes=holes, bound=bound, ratio=ratio)
     except RuntimeError as error:
         pairs = crossings(both)
         if len(pairs):
@@ -194,13 +194,13 @@ def _tetgen(both: Surface, holes: np.ndarray, bound: float, ratio: float) -> tup
             raise CrossingError(f"skin and bones: {failed}, {what}; {cure}", both, pairs) from error
         cure = "look for triangles of the skin that touch, or choose a larger bone_margin"
         raise InputError(f"skin and bones: {failed} ({error}); {cure}") from error
-    if len(nodes) < len(given) or not np.array_equal(nodes[: len(given)], given):
+    if len(nodes) < len(input_vertices) or not np.array_equal(nodes[: len(input_vertices)], input_vertices):
         why = "which happens when two are at the same place"
         raise InputError(f"skin: TetGen did not keep its vertices, {why}; merge vertices that coincide")
     return nodes, oriented(nodes, tets)
 
 
-def run_tetgen(**given: Any) -> tuple[np.ndarray, np.ndarray]:
+def run_tetgen(**arguments: Any) -> tuple[np.ndarray, np.ndarray]:
     """Nodes and tetrahedra of a run of TetGen in a child process, which gets its input in a file.
 
     Raises:
@@ -210,7 +210,7 @@ def run_tetgen(**given: Any) -> tuple[np.ndarray, np.ndarray]:
     with tempfile.TemporaryDirectory(prefix="warp-trunk-") as folder:  # TetGen leaves files behind where it fails
         source, result = Path(folder) / "given.npz", Path(folder) / "made.npz"
         with named(source):
-            np.savez(source, **given)
+            np.savez(source, **arguments)
         command = [sys.executable, "-P", str(CHILD), str(source), str(result)]
         ended = subprocess.run(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False)
         if ended.returncode == DISK_FULL:
@@ -252,7 +252,7 @@ def improve_quality(nodes: np.ndarray, tets: np.ndarray, reach: np.ndarray) -> n
     order = np.argsort(tets.reshape(-1), kind="stable")
     start = np.searchsorted(tets.reshape(-1)[order], np.arange(len(nodes) + 1))
     mesh = [_array(tets, dtype=wp.vec4i), _array(start, dtype=wp.int32), _array(order // 4, dtype=wp.int32)]
-    around, given = _array(_directions(), dtype=wp.vec3d), _array(nodes, dtype=wp.vec3d)
+    around, start_places = _array(_directions(), dtype=wp.vec3d), _array(nodes, dtype=wp.vec3d)
     for _ in range(_SWEEPS):
         now = quality.numpy()
         bad = np.flatnonzero(now < _GOAL)
@@ -260,7 +260,7 @@ def improve_quality(nodes: np.ndarray, tets: np.ndarray, reach: np.ndarray) -> n
         _, first = np.unique(tets[bad], return_index=True)
         turns = _array(tets[bad].reshape(-1)[np.sort(first)], wp.int32)
         moves = wp.zeros(1, dtype=wp.int32, device="cpu")
-        inputs, outputs = [turns, _GOAL, *mesh, around, reached, given], [moved, quality, moves]
+        inputs, outputs = [turns, _GOAL, *mesh, around, reached, start_places], [moved, quality, moves]
         wp.launch(move_nodes, dim=1, inputs=inputs, outputs=outputs, device="cpu")
         if not moves.numpy()[0]:
             break

@@ -70,30 +70,30 @@ class Effects:
 
     def difference_sd(self, other: Effects) -> dict[tuple[str, str], float]:
         """The standard deviation of the difference of each number between two plans that share all errors."""
-        theirs = {tuple(name): row for row, name in enumerate(other.names.tolist())}
+        row_of = {tuple(name): row for row, name in enumerate(other.names.tolist())}
         every = sorted({*self.sources.tolist(), *other.sources.tolist()})
-        found = {}
+        sds = {}
         for mine, name in enumerate(self.names.tolist()):
-            row = theirs.get(tuple(name))
+            row = row_of.get(tuple(name))
             if row is None or self.landmarks.shape[1] != other.landmarks.shape[1]:
                 continue
-            here, there = (
-                one.ratio[at] * np.append(_by_source(one, at, every), one.landmarks[at])
-                for one, at in ((self, mine), (other, row))
+            own_effects, other_effects = (
+                plan.ratio[at] * np.append(_by_source(plan, at, every), plan.landmarks[at])
+                for plan, at in ((self, mine), (other, row))
             )
-            found[name[0], name[1]] = float(np.linalg.norm(here - there))
-        return found
+            sds[name[0], name[1]] = float(np.linalg.norm(own_effects - other_effects))
+        return sds
 
 
 def _by_source(effects: Effects, row: int, sources: Sequence[str]) -> list[float]:
-    known = dict(zip(effects.sources.tolist(), effects.effects[row].tolist(), strict=True))
-    return [known.get(source, 0.0) for source in sources]
+    by_source = dict(zip(effects.sources.tolist(), effects.effects[row].tolist(), strict=True))
+    return [by_source.get(source, 0.0) for source in sources]
 
 
 def write_effects(path: Path, effects: Effects) -> None:
     """Write effects as arrays of NumPy."""
     with path.open("wb") as file:
-        arrays = {one.name: np.asarray(getattr(effects, one.name)) for one in fields(effects)}
+        arrays = {field.name: np.asarray(getattr(effects, field.name)) for field in fields(effects)}
         small: dict[str, Any] = {
             name: array.astype("f4") if array.dtype.kind == "f" else array for name, array in arrays.items()
         }
@@ -108,12 +108,12 @@ def read_effects(path: Path, vertices: int) -> Effects:
     """
     try:
         with np.load(path, allow_pickle=False) as file:
-            found = Effects(**{one.name: file[one.name] for one in fields(Effects)})
+            effects = Effects(**{field.name: file[field.name] for field in fields(Effects)})
     except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise InputError(f"{path}: cannot be read ({error}); simulate the case again") from error
-    if found.likely_worse.shape != (vertices, 3):
+    if effects.likely_worse.shape != (vertices, 3):
         raise InputError(f"{path}: must have a row for each of {vertices} vertices; simulate the case again")
-    return found
+    return effects
 
 
 @dataclass(frozen=True, eq=False)

@@ -49,10 +49,10 @@ class Judgement:
     @property
     def words(self) -> dict[str, Any]:
         """All but the table and the text."""
-        kept = {
+        record = {
             field.name: getattr(self, field.name) for field in fields(self) if field.name not in ("table", "text")
         }
-        return kept | {"levels_in_band": self.levels_in_band}
+        return record | {"levels_in_band": self.levels_in_band}
 
     @property
     def levels_in_band(self) -> dict[str, bool | None]:
@@ -91,17 +91,17 @@ def judged(
         when = "before" if unmoved else "after"
     landmarks = case.landmarks_before if when == "before" else case.planned_landmarks
     if result is not None and when == "after":
-        found, before = result.measures, result.measures_before
+        measures, before = result.measures, result.measures_before
         table = MeasureTable(row for row in result.table.rows if row.state == PREDICTED)
     else:
         unseen = case.unseen if same else None
-        found = measure(skin, landmarks, case.skin if same and when == "after" else None, unseen)
+        measures = measure(skin, landmarks, case.skin if same and when == "after" else None, unseen)
         before = measure(case.skin, case.landmarks_before, unseen=case.unseen)
-        table = MeasureTable(measured(when, found, before))
+        table = MeasureTable(measured(when, measures, before))
     name = case.name.strip()
-    text = [f"{name}: the skin with its landmarks {when} surgery", "", measures_text(found, before)]
+    text = [f"{name}: the skin with its landmarks {when} surgery", "", measures_text(measures, before)]
     if not landmarks.names:
-        change = found.skin_change_max
+        change = measures.skin_change_max
         text = [f"{name}: the skin" + ("" if change is None else f" moves by {change:.1f} mm")]
     if actual is not None and not landmarks.names:
         agreed, _ = agreement(skin, actual)
@@ -109,13 +109,13 @@ def judged(
         text += ["", *(f"{name}: {value}" for name, value in agreement_rows(agreed))]
     elif actual is not None:
         other = measure(actual, landmarks)
-        comparison = compare_skins(skin, actual, landmarks, (found.bsr, other.bsr))
+        comparison = compare_skins(skin, actual, landmarks, (measures.bsr, other.bsr))
         table = table.with_rows([*measured(ACTUAL, other, before, of="skin"), *comparison_rows(comparison)])
         text += ["", "The actual skin", "", measures_text(other, before), "", comparison_text(comparison)]
     inside = levels_in_band(table)
-    if known := [level for level, is_in in inside.items() if is_in is not None]:
-        out = [level for level in known if not inside[level]]
-        counts = f"{len(known) - len(out)} of {len(known)} levels" + (f"; not at {', '.join(out)}" if out else "")
+    if sides := [level for level, is_in in inside.items() if is_in is not None]:
+        out = [level for level in sides if not inside[level]]
+        counts = f"{len(sides) - len(out)} of {len(sides)} levels" + (f"; not at {', '.join(out)}" if out else "")
         text += ["", f"Actual back surface rotation in its 95 % band at {counts}"]
     tissue = None if result is None else tissue_volume_change(*result.tissue)
     if tissue is not None:
@@ -124,9 +124,9 @@ def judged(
         case=case.name,
         landmarks=when,
         table=table,
-        curves=found.cobb,
-        apices=found.apices,
-        missing=found.missing,
+        curves=measures.cobb,
+        apices=measures.apices,
+        missing=measures.missing,
         tissue_volume_change_percent=tissue,
         text="\n".join(text),
     )

@@ -137,8 +137,8 @@ class Result:
         """A short name of exactly this plan and prediction, for a sheet that is signed: it changes with the plan,
         the landmarks before and after, and the predicted skin."""
         marks, skins = (self.landmarks_before, self.landmarks_after), (self.skin_before, self.skin)
-        points = [np.round(one.points, 3) for one in marks]  # as their files have them
-        points += [np.round(one.vertices, 3).astype(np.float32) for one in skins]
+        points = [np.round(points_of.points, 3) for points_of in marks]  # as their files have them
+        points += [np.round(skin.vertices, 3).astype(np.float32) for skin in skins]
         name = digest(self.plan or "", *points)
         return "-".join(name[first : first + 4] for first in (0, 4, 8))
 
@@ -248,13 +248,13 @@ def write_result(folder: Path, result: Result) -> None:
         SUMMARY: (write_summary, result.summary),
     }
     written = {name: content for name, content in contents.items() if content[1] is not None}
-    recording, kept = result.recording, partial(folder / RECORDING)
+    recording, partial_file = result.recording, partial(folder / RECORDING)
     with named(folder):
         write_trunk(partial(folder / TRUNK), *result.tissue)
         for name, (write, content) in written.items():
             write(partial(folder / name), content)
-        if recording is not None and recording != kept:
-            shutil.copyfile(recording, kept)
+        if recording is not None and recording != partial_file:
+            shutil.copyfile(recording, partial_file)
     made_of_it = [PAGE, *(f"{MEASURES}.{ending}" for ending in ("json", "csv", "png"))]
     for name in (SUMMARY, *contents, RECORDING, MOTIONS, *made_of_it):  # first what says that it is complete
         (folder / name).unlink(missing_ok=True)
@@ -264,7 +264,7 @@ def write_result(folder: Path, result: Result) -> None:
         if ours:  # others are the user's
             picture.unlink()
     if recording is not None:
-        replace(kept, folder / RECORDING)
+        replace(partial_file, folder / RECORDING)
     for name in (TRUNK, *written):
         complete(folder / name)
     result.saved_in, result.recording = folder, None if recording is None else folder / RECORDING

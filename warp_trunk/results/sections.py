@@ -82,7 +82,7 @@ def read_sections(path: Path, landmarks: Mapping[str, Landmarks]) -> dict[str, T
         with np.load(path, allow_pickle=False) as file:
             words = msgspec.json.decode(str(file[_WORDS]), type=dict[str, _Numbers])
             arrays = {name: file[name] for name in file.files if name != _WORDS}
-        return {state: _measured(state, one, landmarks[state], arrays) for state, one in words.items()}
+        return {state: _measured(state, entry, landmarks[state], arrays) for state, entry in words.items()}
     except (OSError, ValueError, KeyError, EOFError, BadZipFile, msgspec.MsgspecError) as error:
         raise InputError(f"{path}: cannot be read ({error}); simulate the case again") from error
 
@@ -102,8 +102,8 @@ def _measured(
             return None
         points, left, right, nearest = contacts
         centroid = spine.centroids[spine.levels.index(level)]
-        found = Contacts(points, np.stack([left, right]), nearest)
-        return tangent_at(outline, centroid, line.across, found, arrays.get(f"{state}/{level}/seen"))
+        pair = Contacts(points, np.stack([left, right]), nearest)
+        return tangent_at(outline, centroid, line.across, pair, arrays.get(f"{state}/{level}/seen"))
 
     return replace(
         measures,

@@ -52,7 +52,7 @@ def result_of(
     parameters: Mapping[str, Any] | None = None,
     seconds: Mapping[str, float] | None = None,
     warnings: Sequence[str] = (),
-    found: FoundBands | None = None,
+    intervals: FoundBands | None = None,
     released: int = 0,
     recording: Path | None = None,
 ) -> Result:
@@ -69,7 +69,7 @@ def result_of(
         parameters: options of the run for the summary, beside those the model knows.
         seconds: times by stage, see `STAGES`; the time of relaxation is known from the increments.
         warnings: what makes the result doubtful; faults of the predicted skin are added.
-        found: the bands of the numbers and of the skin, where they are known.
+        intervals: the bands of the numbers and of the skin, where they are known.
         released: nodes on bone that came off at the end.
         recording: a finished recording.
 
@@ -85,10 +85,10 @@ def result_of(
     table = MeasureTable.of({BEFORE: before, PREDICTED: after})
     if ACTUAL in states:
         table = table.with_rows(measured(ACTUAL, states[ACTUAL], before, of="skin"))
-    if found is not None:
-        table = table.with_intervals(found.rows)
+    if intervals is not None:
+        table = table.with_intervals(intervals.rows)
     quality = quality or skin_quality(case.skin, skin, case.landmarks_before, case.bones)
-    known = {"relax": sum(increment.seconds for increment in increments), **(seconds or {})}
+    times = {"relax": sum(increment.seconds for increment in increments), **(seconds or {})}
     constants = dataclasses.asdict(model.tissues[0]) if len(model.tissues) == 1 else {}
 
     def motion_of(bone: str) -> RigidMotion:
@@ -113,12 +113,12 @@ def result_of(
         increments=tuple(_increment(increment) for increment in increments),
         measures=table.rows,
         curves={BEFORE: before.cobb, PREDICTED: after.cobb},
-        seconds={s: known.get(s) for s in (*STAGES, *SCENE_STAGES) if s in STAGES or s in known},
+        seconds={s: times.get(s) for s in (*STAGES, *SCENE_STAGES) if s in STAGES or s in times},
         peak_memory_mb=peak_memory(),
         versions=versions(),
         warnings=(*warnings, *quality.faults),
         skin_quality=quality,
-        bands=None if found is None else found.bands,
+        bands=None if intervals is None else intervals.bands,
         springs=_springs(model, last.energy),
         day=datetime.date.today().isoformat(),
         synthetic=case.study.synthetic,
@@ -133,11 +133,11 @@ def result_of(
         landmarks_before=case.landmarks_before,
         landmarks_after=planned,
         summary=as_read(summary),
-        states=states if found is None else states | found.likely,
+        states=states if intervals is None else states | intervals.likely,
         read_tissue=lambda: (trunk, displacement),
-        skin_sd=None if found is None else found.skin_sd,
+        skin_sd=None if intervals is None else intervals.skin_sd,
         unseen=None if case.unseen is None else case.unseen.astype(np.float64),
-        effects=None if found is None else found.effects,
+        effects=None if intervals is None else intervals.effects,
         plan=case.plan,
         recording=recording,
     )
@@ -157,16 +157,16 @@ def _springs(model: Model, energy: Energy) -> SpringSummary | None:
     """Constants and terms of eq. 4.6, where the energy is itmsm; the engine's terms hold their factors."""
     if not isinstance(model.elements, Itmsm):
         return None
-    known, terms = model.elements.constants, energy.terms
-    factors = {"gravity": known.alpha, "area": known.epsilon, "volume": known.theta}
+    constants, terms = model.elements.constants, energy.terms
+    factors = {"gravity": constants.alpha, "area": constants.epsilon, "volume": constants.theta}
     bare = {name: terms[name] / factor if name in terms else None for name, factor in factors.items()}
     return SpringSummary(
-        epsilon=known.epsilon,
-        theta=known.theta,
-        alpha=known.alpha,
-        k_d_joule=known.k_d,
-        mean_mass_kg=known.mean_mass,
-        height_m=known.height,
+        epsilon=constants.epsilon,
+        theta=constants.theta,
+        alpha=constants.alpha,
+        k_d_joule=constants.k_d,
+        mean_mass_kg=constants.mean_mass,
+        height_m=constants.height,
         distance=terms["distance"],
         total=energy.total,
         **bare,

@@ -219,10 +219,10 @@ PACKAGES = ("warp-trunk", "warp-lang", "numpy", "scipy", "tetgen", "trimesh", "r
 
 def versions() -> dict[str, str | None]:
     """Version by name; None for a package that is not installed."""
-    found: dict[str, str | None] = {"python": platform.python_version(), "platform": platform.platform()}
+    versions_of: dict[str, str | None] = {"python": platform.python_version(), "platform": platform.platform()}
     for package in PACKAGES:
         try:
-            found[package] = metadata.version(package)
+            versions_of[package] = metadata.version(package)
         except metadata.PackageNotFoundError:
-            found[package] = None
-    return found
+            versions_of[package] = None
+    return versions_of

@@ -52,8 +52,8 @@ class PlanTrial:
         self.case = search.planned(shares)
         self.prediction = prepare_plan(patient, self.case).relax()
         measured = self.prediction.measures_at(self.prediction.last)
-        found = QUANTITIES[AIMS[search.aim][0]].function(measured, measured)
-        self.values = {level: value for level in JUDGED if (value := found.get(level)) is not None}
+        by_level = QUANTITIES[AIMS[search.aim][0]].function(measured, measured)
+        self.values = {level: value for level in JUDGED if (value := by_level.get(level)) is not None}
 
     @property
     def level(self) -> str:
@@ -74,15 +74,15 @@ class PlanTrial:
         """The number of each level with what it depends on."""
         aim, prediction = self._search.aim, self.prediction
         linear = Linearization(prediction.model, prediction.last, relaxer=prediction.relaxer)
-        found = sensitivities(prediction, all_humps=aim == "hump", linear=linear)
-        return {one.level: one for one in found if one.quantity == AIMS[aim][0]}
+        all_numbers = sensitivities(prediction, all_humps=aim == "hump", linear=linear)
+        return {number.level: number for number in all_numbers if number.quantity == AIMS[aim][0]}
 
     def slopes(self) -> dict[str, np.ndarray]:
         """The derivative of each number in each bounded share, shape (bounds,)."""
         moves = self._search.landmark_moves(self.shares)
         return {
-            level: np.array([np.vdot(one.landmarks_after, move) for move in moves])
-            for level, one in self.numbers.items()
+            level: np.array([np.vdot(number.landmarks_after, move) for move in moves])
+            for level, number in self.numbers.items()
         }
 
 
@@ -138,7 +138,7 @@ class BestPlan:
     """The search."""
     plan: Plan
     """The best plan."""
-    given: PlanTrial
+    start: PlanTrial
     """The plan as given, simulated."""
     best: PlanTrial
     """The best one, simulated; the same where none within the bounds is better."""
@@ -165,7 +165,7 @@ def best_plan(
 
     >>> plan = wt.Plan(uiv="T4", liv="L1", curves=[wt.CurvePlan("T8", correction=0.5)])
     >>> best = wt.best_plan(case, plan, ["T8,correction=0.4..0.6"], options=small, most=2)
-    >>> best.best.value <= best.given.value
+    >>> best.best.value <= best.start.value
     True
 
     The largest of many numbers is minimised by sequential quadratic programming (Kraft 1988, SciPy's SLSQP): least
@@ -198,7 +198,7 @@ def best_plan(
     if patient is not None and (options, execution) != (None, None):
         raise InputError("best_plan: a patient made ready has her options; leave 'options' and 'execution' out")
     progress = progress or Silent()
-    bounds = [(one,) if isinstance(one, Bound) else bounds_of_text(one) for one in within]
+    bounds = [(entry,) if isinstance(entry, Bound) else bounds_of_text(entry) for entry in within]
     search = Search(case, plan, aim, tuple(bound for some in bounds for bound in some))
     search.check()
     if patient is None:
@@ -220,16 +220,16 @@ def best_plan(
         progress.message(f"plan {len(trials)}: {listed}: {result}")
         return trial
 
-    given = trial_at(shares_of(plan, search.bounds))
+    start = trial_at(shares_of(plan, search.bounds))
     with suppress(_SpentError):
-        _minimise(search.bounds, given, trial_at)
+        _minimise(search.bounds, start, trial_at)
     low, high = np.array([(bound.low, bound.high) for bound in search.bounds]).T
     allowed = [trial for trial in trials if np.all((low <= trial.shares) & (trial.shares <= high))]
-    best = min([given, *allowed], key=lambda trial: trial.value)
-    sd = 0.0 if best is given else gain_sd(search, given, best)
+    best = min([start, *allowed], key=lambda trial: trial.value)
+    sd = 0.0 if best is start else gain_sd(search, start, best)
     best_one = with_shares(plan, search.bounds, best.shares)
-    gain = given.value - best.size_at(given.level)
-    return BestPlan(search, best_one, given, best, tuple(trials), gain, sd)
+    gain = start.value - best.size_at(start.level)
+    return BestPlan(search, best_one, start, best, tuple(trials), gain, sd)
 
 
 class _SpentError(Exception):
@@ -248,8 +248,8 @@ def _minimise(bounds: Sequence[Bound], first: PlanTrial, trial_of: Callable[[Seq
         return trial_of(np.clip(low + width * z[:-1], low, low + width).tolist())
 
     def slack(z: np.ndarray) -> np.ndarray:
-        there = trial_at(z).values
-        values = np.array([there.get(level, 0.0) for level in levels]) / size
+        values_there = trial_at(z).values
+        values = np.array([values_there.get(level, 0.0) for level in levels]) / size
         return np.concatenate([z[-1] - values, z[-1] + values])
 
     def slack_slopes(z: np.ndarray) -> np.ndarray:
@@ -272,7 +272,7 @@ def _minimise(bounds: Sequence[Bound], first: PlanTrial, trial_of: Callable[[Seq
     )
 
 
-def gain_sd(search: Search, given: PlanTrial, best: PlanTrial) -> float:
+def gain_sd(search: Search, start: PlanTrial, best: PlanTrial) -> float:
     """Standard deviation of how much smaller the aim is of one plan than of the other, where the former has its
     largest.
 
@@ -283,12 +283,12 @@ def gain_sd(search: Search, given: PlanTrial, best: PlanTrial) -> float:
     moved = np.zeros_like(case.landmarks_before.points)
     shared: dict[str, float] = defaultdict(float)
     missed = 0.0
-    for trial, side in ((given, 1.0), (best, -1.0)):
-        one = trial.numbers[given.level]
-        sign = side * math.copysign(1.0, one.value)
-        moved = moved + sign * (one.landmarks_before + one.landmarks_after)
+    for trial, side in ((start, 1.0), (best, -1.0)):
+        number = trial.numbers[start.level]
+        sign = side * math.copysign(1.0, number.value)
+        moved = moved + sign * (number.landmarks_before + number.landmarks_after)
         for source in sources_of(trial.prediction):
-            effect = sign * effect_of(source, one)
+            effect = sign * effect_of(source, number)
             if source.of_surgery:
                 missed += effect**2
             else:
@@ -298,24 +298,24 @@ def gain_sd(search: Search, given: PlanTrial, best: PlanTrial) -> float:
     return math.sqrt(missed + sum(effect**2 for effect in shared.values()) + landmarks**2 + mesh**2)
 
 
-def best_plan_text(found: BestPlan) -> str:
+def best_plan_text(outcome: BestPlan) -> str:
     """The shares that changed, what is gained against the plan as given, and how sure that is."""
-    search, given, best = found.search, found.given, found.best
+    search, start, best = outcome.search, outcome.start, outcome.best
     _, name, unit = AIMS[search.aim]
-    lines = [f"{f'plan within the bounds, {len(found.trials)} relaxations':<42}{'given':>8}{'best':>8}   bounds"]
-    for bound, share in zip(search.bounds, shares_of(found.plan, search.bounds), strict=True):
+    lines = [f"{f'plan within the bounds, {len(outcome.trials)} relaxations':<42}{'given':>8}{'best':>8}   bounds"]
+    for bound, share in zip(search.bounds, shares_of(outcome.plan, search.bounds), strict=True):
         was = shares_of(search.plan, (bound,))[0]
         at = " (at its end)" if share in (bound.low, bound.high) else ""
         ends = f"{bound.low:g} to {bound.high:g}{at}"
         lines.append(f"{f'{bound.target} of {bound.apex}':<42}{was:>8.2f}{share:>8.2f}   {ends}")
-    here = f"{name} at {given.level} [{unit}]"
-    now = "" if best.level == given.level else f"   then largest at {best.level}, {best.value:.1f}"
-    lines.append(f"{here:<42}{given.value:>8.1f}{best.size_at(given.level):>8.1f}{now}")
-    band = WIDTH * found.gain_sd
-    if best is given:
+    title = f"{name} at {start.level} [{unit}]"
+    now = "" if best.level == start.level else f"   then largest at {best.level}, {best.value:.1f}"
+    lines.append(f"{title:<42}{start.value:>8.1f}{best.size_at(start.level):>8.1f}{now}")
+    band = WIDTH * outcome.gain_sd
+    if best is start:
         lines.append("No plan within the bounds was found that is better than the plan as given.")
     else:
-        gained = f"Gained: {found.gain:.1f} ± {band:.1f} {unit} (in 19 of 20 such operations)."
+        gained = f"Gained: {outcome.gain:.1f} ± {band:.1f} {unit} (in 19 of 20 such operations)."
         weak = " The gain is smaller than its band: choose between the two plans by other reasons."
-        lines.append(gained + weak * (found.gain < band))
+        lines.append(gained + weak * (outcome.gain < band))
     return "\n".join(lines)

@@ -38,7 +38,7 @@ class Finding:
 
     name: str
     """Name of the part."""
-    found: str
+    answer: str
     """The finding, in words."""
     cure: str = ""
     """The cure; empty if nothing is to be done."""
@@ -72,8 +72,8 @@ def examine(results: Path) -> Iterator[Finding]:
     }
     for name, (probe, needed, cure) in probes.items():
         try:
-            found = probe()
-            yield Finding(name, found if isinstance(found, str) else "there is one")
+            answer = probe()
+            yield Finding(name, answer if isinstance(answer, str) else "there is one")
         except (OSError, ImportError, RuntimeError, subprocess.TimeoutExpired, webbrowser.Error) as error:
             yield Finding(name, str(error), cure, needed)
 
@@ -100,8 +100,8 @@ def _kernel() -> str:
 
 
 def _browser() -> str:
-    found = next((path for name in _BROWSERS if (path := shutil.which(name))), None)
-    return str(getattr(webbrowser.get(f"{found} %s" if found else None), "name", "there is one"))
+    browser = next((path for name in _BROWSERS if (path := shutil.which(name))), None)
+    return str(getattr(webbrowser.get(f"{browser} %s" if browser else None), "name", "there is one"))
 
 
 def _display() -> None:
@@ -142,9 +142,9 @@ def _viewer() -> str:
 
 def _writable(folder: Path) -> Path:
     """The nearest folder that exists, if a file can be written into it; nothing is left behind."""
-    there = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
+    existing = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
     try:
-        tempfile.TemporaryFile(dir=there).close()
+        tempfile.TemporaryFile(dir=existing).close()
     except OSError as error:
         raise OSError(f"{folder}: cannot be written to ({error.strerror})") from None
-    return there
+    return existing

@@ -81,15 +81,15 @@ def draw_errors(
     of_landmarks = np.array([source.landmarks_after is not None for source in sources], dtype=bool)
     moves = [source.landmarks_after for source in sources if source.landmarks_after is not None]
     moves = np.reshape(moves, (len(moves), *case.landmarks_before.points.shape))
-    others = [source for source in sources if source.landmarks_after is None]
+    without_landmarks = [source for source in sources if source.landmarks_after is None]
     errors = draw_landmarks(case, moves, size[:, of_landmarks], random)
     if prediction.options.bones == "spline":
-        most = max(LEAST_PATTERNS, MOST_SOLVES - numbers - len(others))
+        most = max(LEAST_PATTERNS, MOST_SOLVES - numbers - len(without_landmarks))
         draws = spline_draws(case, prediction.trunk, moves, errors, *seen, most=most)
     else:
         draws = rigid_draws(case, prediction.trunk, errors, prediction.patient.skeleton)
-    bones, forces = np.zeros((2, len(others), *draws.bones.shape[1:]))
-    for row, source in enumerate(others):
+    bones, forces = np.zeros((2, len(without_landmarks), *draws.bones.shape[1:]))
+    for row, source in enumerate(without_landmarks):
         if source.bones is not None:
             bones[row] = source.bones
         for name, change in source.constants.items():
@@ -99,7 +99,7 @@ def draw_errors(
         bones=np.concatenate([draws.bones, bones]),
         force_derivatives=np.concatenate([draws.force_derivatives, forces]),
         shares=np.hstack([draws.shares, size[:, ~of_landmarks]]),
-        variance=np.append(draws.variance, np.ones(len(others))),
+        variance=np.append(draws.variance, np.ones(len(without_landmarks))),
     )
 
 
@@ -139,30 +139,30 @@ def linearity(
         proportion. Where a draw has no such number, or nothing varies, the ratio is 1; the former is not in
         proportion.
     """
-    moved, found = np.tensordot(draws.shares, followed, axes=(1, 0)), [*numbers.values()]
-    predicted = moved.reshape(len(moved), -1) @ np.transpose([one.vertices.ravel() for one in found])
-    predicted += draws.after.reshape(len(moved), -1) @ np.transpose([one.landmarks.ravel() for one in found])
+    moved, kinds = np.tensordot(draws.shares, followed, axes=(1, 0)), [*numbers.values()]
+    predicted = moved.reshape(len(moved), -1) @ np.transpose([number.vertices.ravel() for number in kinds])
+    predicted += draws.after.reshape(len(moved), -1) @ np.transpose([number.landmarks.ravel() for number in kinds])
     measured = []
     for by, after in zip(moved, draws.after, strict=True):
-        there = Surface(skin.vertices + by, skin.faces)
+        moved_skin = Surface(skin.vertices + by, skin.faces)
         measured.append(
-            measured_again(there, replace(landmarks, points=landmarks.points + after), numbers, unseen)
+            measured_again(moved_skin, replace(landmarks, points=landmarks.points + after), numbers, unseen)
         )
-    seen = np.array(measured) - [one.value for one in found]
-    known = np.isfinite(seen)
-    seen = np.where(known, seen, predicted)
+    seen = np.array(measured) - [number.value for number in kinds]
+    measurable = np.isfinite(seen)
+    seen = np.where(measurable, seen, predicted)
     spread, wanted = seen.std(axis=0), predicted.std(axis=0)
     ratio = np.divide(spread, wanted, out=np.ones_like(wanted), where=wanted > 0.0)
     stray = np.sqrt(np.square(seen - predicted).mean(axis=0))
-    return ratio, known.all(axis=0) & (stray <= MOST_NONLINEAR * np.maximum(wanted, 1e-9))
+    return ratio, measurable.all(axis=0) & (stray <= MOST_NONLINEAR * np.maximum(wanted, 1e-9))
 
 
 def measured_again(
     skin: Surface, landmarks: Landmarks, names: Iterable[tuple[str, str]], unseen: np.ndarray | None
 ) -> list[float]:
     """Numbers by quantity and level on another skin; NaN where one is missing."""
-    found = measure(skin, landmarks, unseen=unseen)
-    values = [QUANTITIES[quantity].function(found, found).get(level) for quantity, level in names]
+    measures = measure(skin, landmarks, unseen=unseen)
+    values = [QUANTITIES[quantity].function(measures, measures).get(level) for quantity, level in names]
     return [math.nan if value is None else value for value in values]
 
 
@@ -217,15 +217,15 @@ def spline_draws(
     along = np.hstack([skin[::SAMPLE] * normals[::SAMPLE, axis, None] for axis in range(3)])
     products = along.T @ along  # over vertices, of what two landmarks do along the normals
     squares, vectors = np.linalg.eigh(deviations @ products @ deviations.T)
-    kept = np.flatnonzero(squares > 1e-9 * squares[-1])[-most:]
-    patterns = vectors[:, kept].T @ deviations
+    largest = np.flatnonzero(squares > 1e-9 * squares[-1])[-most:]
+    patterns = vectors[:, largest].T @ deviations
     by_pattern = patterns.reshape(len(patterns), 3, response.shape[1])
     every = sd**2 * np.square(skin).sum(axis=1) + _variance(skin, moves.transpose(0, 2, 1), normals)
     bones = (by_pattern @ response.T).transpose(0, 2, 1)
     return Draws(
         bones=bones,
         force_derivatives=np.zeros_like(bones),
-        shares=_by_axis(errors[1] - errors[0]) @ products @ patterns.T / squares[kept],
+        shares=_by_axis(errors[1] - errors[0]) @ products @ patterns.T / squares[largest],
         variance=np.ones(len(bones)),
         residual_variance=np.maximum(every - _variance(skin, by_pattern, normals), 0.0),
         after=errors[1],

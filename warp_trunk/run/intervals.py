@@ -120,7 +120,7 @@ def find_bands(prediction: Prediction, *, draws: int = DRAWS) -> FoundBands:
     rows = [*planned, *bent(planned), *of_spine, *met, *bent(met), *spine_before_bands(case), *bent(before)]
     hump = next((row.sd for row in rows if (row.state, row.quantity) == (PREDICTED, "main_hump_mm")), 0.0)
     by_source = np.array([effects[source.name] for source in sources])
-    apart = [np.concatenate([one.landmarks_before, one.landmarks_after]).ravel() for one in solved.found]
+    apart = [np.concatenate([n.landmarks_before, n.landmarks_after]).ravel() for n in solved.sensitivities]
     both = Effects(
         names=np.array([*names, *((row.quantity, row.level) for row in of_spine)], dtype=str).reshape(-1, 2),
         sources=np.array([source.name for source in sources], dtype=str),
@@ -182,7 +182,7 @@ class _Solved:
 
     numbers: dict[tuple[str, str], Derivative]
     """The numbers of the skin by quantity and level."""
-    found: tuple[Sensitivity, ...]
+    sensitivities: tuple[Sensitivity, ...]
     """Their sensitivities."""
     by_field: np.ndarray
     """The change of each number by each field of `drawn` that is a source of its own, shape (sources, numbers)."""
@@ -194,7 +194,7 @@ class _Solved:
 
 def _solve(prediction: Prediction, sources: Sequence[ErrorSource], normals: np.ndarray, draws: int) -> _Solved:
     """Adjoints of all numbers, and how the tissue follows all fields of error, in one go."""
-    case, trunk, given = prediction.case, prediction.trunk, prediction.case.uncertainty
+    case, trunk, uncertainty = prediction.case, prediction.trunk, prediction.case.uncertainty
     relaxer = prediction.relaxer
     linear = Linearization(prediction.model, prediction.last, ACCURACY, relaxer=relaxer)
     numbers = numbers_of(prediction)
@@ -211,13 +211,13 @@ def _solve(prediction: Prediction, sources: Sequence[ErrorSource], normals: np.n
     )
     adjoints, followed = linear.adjoints_and_follow(on_nodes(trunk, numbers), drawn.bones, drawn.force_derivatives)
     solved = numbers, adjoints, linear.position_derivatives(adjoints)
-    follow = landmark_derivative(prediction, given.landmark_sd)
-    found = from_adjoints(
+    follow = landmark_derivative(prediction, uncertainty.landmark_sd)
+    changes = from_adjoints(
         prediction, response, solved=solved, by_landmarks=follow, force_derivatives=force_derivatives
     )
     own = slice(len(followed) - sum(source.landmarks_after is None for source in sources), None)
     by_field = _changes(solved[2], followed[own]) - _changes(adjoints.fields, drawn.force_derivatives[own])
-    return _Solved(numbers, found, by_field.T, drawn, followed)
+    return _Solved(numbers, changes, by_field.T, drawn, followed)
 
 
 def _effects(
@@ -228,17 +228,17 @@ def _effects(
     Returns:
         By the name of the source: as surgery and films vary, and where the plan is carried out exactly.
     """
-    others = iter(solved.by_field)
+    by_field = iter(solved.by_field)
     effects = {
-        source.name: next(others)
+        source.name: next(by_field)
         if (moved := source.landmarks_after) is None
-        else np.array([float(np.vdot(one.landmarks_after, moved)) for one in solved.found])
+        else np.array([float(np.vdot(each.landmarks_after, moved)) for each in solved.sensitivities])
         for source in sources
     }
     exact = {source.name: effects[source.name] for source in sources if not source.of_surgery}
     sd = case.uncertainty.landmark_sd
-    separate = [float(np.linalg.norm([one.landmarks_before, one.landmarks_after])) for one in solved.found]
-    same = [float(np.linalg.norm(one.landmarks_before + one.landmarks_after)) for one in solved.found]
+    separate = [float(np.linalg.norm([n.landmarks_before, n.landmarks_after])) for n in solved.sensitivities]
+    same = [float(np.linalg.norm(n.landmarks_before + n.landmarks_after)) for n in solved.sensitivities]
     if case.invented is not None:
         effects[_INVENTED] = exact[_INVENTED] = _invented(case.invented, solved)
     return {**effects, _LANDMARKS: sd * np.array(separate)}, {**exact, _LANDMARKS: sd * np.array(same)}
@@ -246,13 +246,13 @@ def _effects(
 
 def _mesh(case: Case, solved: _Solved) -> np.ndarray:
     """The deviation of each number by the mesh."""
-    given = case.uncertainty
-    return np.where(_of_rotation(solved), given.mesh_rotation, given.mesh_length)
+    uncertainty = case.uncertainty
+    return np.where(_of_rotation(solved), uncertainty.mesh_rotation, uncertainty.mesh_length)
 
 
-def _invented(given: Invented, solved: _Solved) -> np.ndarray:
+def _invented(invented: Invented, solved: _Solved) -> np.ndarray:
     """The deviation of each number by the parts of the body that were not measured."""
-    return np.where(_of_rotation(solved), math.hypot(given.rotation, given.pelvis), given.length)
+    return np.where(_of_rotation(solved), math.hypot(invented.rotation, invented.pelvis), invented.length)
 
 
 def _of_rotation(solved: _Solved) -> np.ndarray:
@@ -263,21 +263,21 @@ def _ranked(
     case: Case, sources: Sequence[ErrorSource], solved: _Solved, effects: Mapping[str, np.ndarray]
 ) -> tuple[BandSource, ...]:
     """Every source with its effects, that which changes rotations most first."""
-    given = case.uncertainty
-    size = f"{given.landmark_error:g} ± {given.landmark_error_sd:g} mm, before and after each"
-    mesh = f"{given.mesh_rotation:g} degrees, {given.mesh_length:g} mm"
+    uncertainty = case.uncertainty
+    size = f"{uncertainty.landmark_error:g} ± {uncertainty.landmark_error_sd:g} mm, before and after each"
+    mesh = f"{uncertainty.mesh_rotation:g} degrees, {uncertainty.mesh_length:g} mm"
     texts = {source.name: (source.spread, source.reference) for source in sources}
     if case.invented is not None:
-        one = case.invented
-        texts[_INVENTED] = f"{one.rotation:g} and {one.pelvis:g} degrees, {one.length:g} mm", _FITTED
-    texts |= {_LANDMARKS: (size, given.landmark_source), _MESH: (mesh, REFERENCES["mesh"])}
-    found = []
+        fit = case.invented
+        texts[_INVENTED] = f"{fit.rotation:g} and {fit.pelvis:g} degrees, {fit.length:g} mm", _FITTED
+    texts |= {_LANDMARKS: (size, uncertainty.landmark_source), _MESH: (mesh, REFERENCES["mesh"])}
+    band_sources = []
     for name, effect in {**effects, _MESH: _mesh(case, solved)}.items():
         sd: dict[str, dict[str, float]] = {}
-        for (quantity, level), one in zip(solved.numbers, effect.tolist(), strict=True):
-            sd.setdefault(quantity, {})[level] = abs(one)
-        found.append(BandSource(name=name, spread=texts[name][0], reference=texts[name][1], sd=sd))
-    return tuple(sorted(found, key=lambda one: -sum(sd**2 for sd in one.sd.get("bsr_deg", {}).values())))
+        for (quantity, level), deviation in zip(solved.numbers, effect.tolist(), strict=True):
+            sd.setdefault(quantity, {})[level] = abs(deviation)
+        band_sources.append(BandSource(name=name, spread=texts[name][0], reference=texts[name][1], sd=sd))
+    return tuple(sorted(band_sources, key=lambda kind: -sum(sd**2 for sd in kind.sd.get("bsr_deg", {}).values())))
 
 
 def _changes(derivatives: np.ndarray, fields: np.ndarray) -> np.ndarray:
@@ -302,9 +302,9 @@ def spine_bands(case: Case, sources: Sequence[ErrorSource]) -> tuple[list[Measur
     after, sd = case.planned_landmarks, case.uncertainty.landmark_sd
     values, by_point = _readings(after, measure_spine(case.landmarks_before), sd)
     moves = [
-        np.zeros(after.points.shape) if one.landmarks_after is None else one.landmarks_after for one in sources
+        np.zeros(after.points.shape) if (move := source.landmarks_after) is None else move for source in sources
     ]
-    effects = np.array([[float(np.vdot(one, move)) for move in moves] for one in by_point])
+    effects = np.array([[float(np.vdot(slopes, move)) for move in moves] for slopes in by_point])
     effects = effects.reshape(len(values), len(sources))
     landmarks = sd * by_point.reshape(len(values), after.points.size)
     sds = np.hypot(np.linalg.norm(effects, axis=1), np.linalg.norm(landmarks, axis=1))
@@ -340,25 +340,26 @@ def _readings(
     def moved(row: int, by: np.ndarray) -> list[float]:
         points = marks.points.copy()
         points[row] += by
-        there = spine_measures(Landmarks(marks.names, points), before, error)
-        return [there.get(name, np.nan) - base[name] for name in values]
+        readings = spine_measures(Landmarks(marks.names, points), before, error)
+        return [readings.get(name, np.nan) - base[name] for name in values]
 
     for row in range(len(marks.points)):
         if any(moved(row, READING_STEP * OBLIQUE)):  # most landmarks are read by no measure
             for axis in range(3):
                 derivative[:, row, axis] = np.divide(moved(row, READING_STEP * np.eye(3)[axis]), READING_STEP)
-    known = np.logical_and.reduce(np.isfinite(derivative), axis=(1, 2))
-    return {name: values[name] for name, one in zip(values, known, strict=True) if one}, derivative[known]
+    complete = np.logical_and.reduce(np.isfinite(derivative), axis=(1, 2))
+    measured = [name for name, is_complete in zip(values, complete, strict=True) if is_complete]
+    return {name: values[name] for name in measured}, derivative[complete]
 
 
 def spine_measures(
     landmarks: Landmarks, before: TrunkMeasures, expected_error: float = 0.0
 ) -> dict[tuple[str, str], float]:
     """Measures of a spine by quantity and level, at the places it has before surgery; without missing ones."""
-    found = measure_spine(landmarks, expected_error)
+    measures = measure_spine(landmarks, expected_error)
     return {
         (quantity.key, level): value
         for quantity in quantities_of("curve", "spine")
-        for level, value in quantity.function(found, before).items()
+        for level, value in quantity.function(measures, before).items()
         if value is not None
     }

@@ -110,21 +110,21 @@ def numbers_of(prediction: Prediction, *, all_humps: bool = False) -> dict[tuple
     measured = prediction.measures_at(prediction.last)
     humps = {prediction.measures_before.hump_level, measured.hump_level}
     tangents = {level: tangent for level, tangent in measured.tangents.items() if tangent is not None}
-    found: dict[tuple[str, str], Derivative | None] = {
+    derivatives: dict[tuple[str, str], Derivative | None] = {
         ("bsr_deg", level): rotation_derivative(skin, landmarks, level, tangent)
         for level, tangent in tangents.items()
     }
     for level, tangent in tangents.items():
         if (all_humps or level in humps) and measured.hump_height[level] is not None:
-            found["hump_mm", level] = hump_derivative(skin, landmarks, level, tangent)
+            derivatives["hump_mm", level] = hump_derivative(skin, landmarks, level, tangent)
     for level in SCOLIOMETER:
         if level in tangents and (slope := measured.slopes.get(level)) is not None:
-            found["atr_deg", level] = slope_derivative(skin, landmarks, level, slope)
+            derivatives["atr_deg", level] = slope_derivative(skin, landmarks, level, slope)
     whole = {} if measured.waist is None else waist_derivatives(skin, landmarks)
     if measured.shoulders is not None:
         whole |= shoulder_derivatives(skin, landmarks, measured.shoulders)
-    found |= {(name, ""): number for name, number in whole.items()}
-    return {name: number for name, number in found.items() if number is not None}
+    derivatives |= {(name, ""): number for name, number in whole.items()}
+    return {name: number for name, number in derivatives.items() if number is not None}
 
 
 def on_nodes(trunk: TrunkMesh, numbers: Mapping[tuple[str, str], Derivative]) -> np.ndarray:

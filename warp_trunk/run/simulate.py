@@ -144,9 +144,9 @@ def simulate(
     if execution is not None:
         expect(execution, Execution, "simulate: 'execution'", "give wt.Execution(...)")
     listed: Any = plan if isinstance(plan, Sequence) and not isinstance(plan, str) else [plan] if plan else []
-    plans = plan if isinstance(plan, Mapping) else {str(n): one for n, one in enumerate(listed, start=1)}
-    for one in plans.values():
-        expect(one, Plan, "simulate: a plan", 'give wt.Plan(uiv="T4", liv="L1", ...), or read it with read_plan')
+    plans = plan if isinstance(plan, Mapping) else {str(n): item for n, item in enumerate(listed, start=1)}
+    for item in plans.values():
+        expect(item, Plan, "simulate: a plan", 'give wt.Plan(uiv="T4", liv="L1", ...), or read it with read_plan')
     progress, folder = progress or Silent(), None if folder is None else Path(folder).absolute()
     options = options or (RunOptions() if patient is None else patient.options)
     execution = execution or (Execution() if patient is None else patient.execution)
@@ -178,8 +178,8 @@ def _several(
     planner = Planner(case)
     surgeries = {name: _surgery(planner, f"plan {name}: ", plan) for name, plan in plans.items()}
     cases = {name: planned_case(case, surgery, name) for name, surgery in surgeries.items()}
-    found = [*warnings, *check_patient(next(iter(cases.values())))]
-    checked = {name: list(dict.fromkeys([*found, *check_surgery(one)])) for name, one in cases.items()}
+    shared = [*warnings, *check_patient(next(iter(cases.values())))]
+    checked = {name: list(dict.fromkeys([*shared, *check_surgery(planned)])) for name, planned in cases.items()}
     if folder is not None:
         check_file_names(plans, "plans")
     places = {name: None if folder is None else folder / name for name in plans}
@@ -261,21 +261,21 @@ class _Simulator:
             cost = check_size(options.mesh.tets, go_on=execution.yes)
             if cost is not None:
                 self.progress.message(cost)
-        found = [
+        all_warnings = [
             *(check_case(case) if checked is None else checked),
             *curve_warnings(before, after, case.study.pose),
             *endplate_warnings(before, after),
             *flexibility_warnings(case),
         ]
         if options.bones == "follow" and case.landmarks_after is not None:
-            found += unknown_bones(case.bones)
+            all_warnings += unknown_bones(case.bones)
         layers = () if case.layers is None else case.layers.tissues(case.tissue)
-        found += option_warnings((case.tissue, *layers), options.gravity)
+        all_warnings += option_warnings((case.tissue, *layers), options.gravity)
         if case.motions:
             check_passing(case, motions_of(case), "motions")
-        for warning in found:
+        for warning in all_warnings:
             self.progress.message(f"warning: {warning}")
-        return found
+        return all_warnings
 
     def _run(self, case: Case, folder: Path, warnings: list[str]) -> Result:
         """Mesh, simulate and measure, with a recording in the folder that grows by each increment."""
@@ -303,7 +303,7 @@ class _Simulator:
         with ExitStack() as recordings:
             observers: list[Observer] = [
                 _timed(clock),
-                lambda one: progress.increment(one, options.simulation.increments),
+                lambda increment: progress.increment(increment, options.simulation.increments),
             ]
             if execution.record:
                 unit = prediction.model.elements.unit
@@ -318,10 +318,10 @@ class _Simulator:
             if case.study.pose == "surgery":
                 warnings += alignment_warnings(MeasureTable.of({BEFORE: before, PREDICTED: after}))
             warnings += ending_warnings(prediction.last.relaxation, held, folded_tissue(trunk, prediction.path))
-            found = _bands(prediction, progress)
+            bands = _bands(prediction, progress)
             if recording is not None:
-                if found is not None:
-                    recording.bands(found.rows)
+                if bands is not None:
+                    recording.bands(bands.rows)
                 recording.finish(markdown(case, prediction.last, before, after, [*warnings, *quality.faults]))
         progress.start_clock()
         seconds = clock.seconds | {"total": clock.seconds.get("load", 0.0) + time.perf_counter() - start}
@@ -335,7 +335,7 @@ class _Simulator:
             parameters=parameters(options) | dataclasses.asdict(execution),
             seconds=seconds,
             warnings=warnings,
-            found=found,
+            intervals=bands,
             released=prediction.released,
             recording=None if recording is None or recording.failed else recording.path,
         )

@@ -57,13 +57,13 @@ class ErrorSource:
     """Change of constants by their name in `Sensitivity.constants`, in their units."""
 
 
-def effect_of(source: ErrorSource, one: Sensitivity) -> float:
+def effect_of(source: ErrorSource, number: Sensitivity) -> float:
     """The change of a number by one standard deviation of a source."""
-    change = sum(one.constants[name] * value for name, value in source.constants.items())
+    change = sum(number.constants[name] * value for name, value in source.constants.items())
     if source.landmarks_after is not None:
-        change += float(np.vdot(one.landmarks_after, source.landmarks_after))
+        change += float(np.vdot(number.landmarks_after, source.landmarks_after))
     if source.bones is not None:
-        change += float(np.vdot(one.bones, source.bones))
+        change += float(np.vdot(number.bones, source.bones))
     return change
 
 
@@ -74,25 +74,25 @@ def sources_of(prediction: Prediction) -> tuple[ErrorSource, ...]:
 
 def _surgery(case: Case) -> Iterator[ErrorSource]:
     """How exactly surgery meets the plan: the amount of the whole correction, and the turn of each apex."""
-    before, after, given = case.landmarks_before, case.planned_landmarks, case.uncertainty
+    before, after, uncertainty = case.landmarks_before, case.planned_landmarks, case.uncertainty
     curves = cobb_angles(before)
     reached = zip(curves, curves_after(curves, after), strict=True)
     corrected = {curve: abs(curve.angle - angle) for curve, angle in reached if angle is not None}
     main = max(corrected, key=corrected.__getitem__, default=None)
     if main is None or corrected[main] < LEAST_CORRECTION:
         return
-    if given.cobb:
-        spread = f"{given.cobb:g} degrees of Cobb of {main.upper} to {main.lower}"
-        moved = (given.cobb / corrected[main]) * (after.points - before.points)
+    if uncertainty.cobb:
+        spread = f"{uncertainty.cobb:g} degrees of Cobb of {main.upper} to {main.lower}"
+        moved = (uncertainty.cobb / corrected[main]) * (after.points - before.points)
         yield ErrorSource(
             "amount of correction", spread, REFERENCES["cobb"], of_surgery=True, landmarks_after=moved
         )
     for curve in corrected:
         if case.invented is not None and corrected[curve] >= LEAST_CORRECTION:
             yield _turn_before(case, curve, case.invented.vertebral_turn)
-        if given.rotation and corrected[curve] >= LEAST_CORRECTION:
-            spread = f"{given.rotation:g} degrees, less towards the ends of its curve"
-            moved = _turned(after, curve, math.radians(given.rotation))
+        if uncertainty.rotation and corrected[curve] >= LEAST_CORRECTION:
+            spread = f"{uncertainty.rotation:g} degrees, less towards the ends of its curve"
+            moved = _turned(after, curve, math.radians(uncertainty.rotation))
             name, reference = f"rotation of {curve.apex}", REFERENCES["rotation"]
             yield ErrorSource(name, spread, reference, of_surgery=True, landmarks_after=moved)
 
@@ -148,8 +148,8 @@ def rib_share_sources(case: Case, trunk: TrunkMesh, skeleton: Skeleton | None = 
     """For each share that moves a bone of this case, half of what it does over its range."""
     for name, ends in RANGES.items():
         shares = [replace(case.rib_coupling, **{name: end}) for end in ends]
-        cases = [replace(case, rib_coupling=one) for one in shares]
-        low, high = (rigid_displacement(trunk, motions_of(one, skeleton)) for one in cases)
+        cases = [replace(case, rib_coupling=coupling) for coupling in shares]
+        low, high = (rigid_displacement(trunk, motions_of(with_coupling, skeleton)) for with_coupling in cases)
         if (high != low).any():
             spread = f"half of {ends[0]:g} to {ends[1]:g}"
             yield ErrorSource(
@@ -163,21 +163,21 @@ def rib_share_sources(case: Case, trunk: TrunkMesh, skeleton: Skeleton | None = 
 def _tissue(prediction: Prediction) -> Iterator[ErrorSource]:
     """Each uncertain constant of the model; but for moduli, one varies in all layers at once. Of layers by depth,
     also how thick skin and fat are, everywhere alike."""
-    case, given = prediction.case, prediction.case.uncertainty
+    case, uncertainty = prediction.case, prediction.case.uncertainty
     layered = layers_from(case, prediction.options)
     by_kind: dict[str, dict[str, float]] = {}
     for name, constant in constant_names(prediction.model).items():
-        spread = getattr(given, constant.name, None)
+        spread = getattr(uncertainty, constant.name, None)
         if spread is None or spread == (1.0 if constant.name in FACTORS else 0.0):
             continue
         change = value_of(prediction.model, constant) * math.log(spread) if constant.name in FACTORS else spread
         by_kind.setdefault(name if constant.name == "youngs_modulus" else constant.name, {})[name] = change
     for kind, changes in by_kind.items():
         constant = kind.rpartition(".")[2]
-        words = f"{'a factor of ' if constant in FACTORS else ''}{getattr(given, constant):g}"
+        words = f"{'a factor of ' if constant in FACTORS else ''}{getattr(uncertainty, constant):g}"
         yield ErrorSource(kind.replace("_", " "), words, REFERENCES[constant], constants=changes)
     for name in ("skin_thickness", "fat_thickness") if layered == "depth" else ():
-        if spread := getattr(given, name):
+        if spread := getattr(uncertainty, name):
             changes = {name.replace("_", "."): spread}
             yield ErrorSource(
                 name.replace("_", " "), f"{spread:g} mm everywhere", REFERENCES[name], constants=changes

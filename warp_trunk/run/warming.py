@@ -65,10 +65,10 @@ def _settings(options: RunOptions, execution: Execution) -> dict[str, Any]:
 
 def _marker(settings: dict[str, Any]) -> Path:
     """A file in Warp's cache that is there once the kernels of these settings are."""
-    found = hashlib.blake2b(json.dumps(settings).encode(), digest_size=8)
+    digest = hashlib.blake2b(json.dumps(settings).encode(), digest_size=8)
     for path in sorted(Path(warp_trunk.kernels.__path__[0]).glob("*.py")):
-        found.update(path.read_bytes())
-    return Path(wp.config.kernel_cache_dir or ".") / f"warp_trunk_{found.hexdigest()}.compiled"
+        digest.update(path.read_bytes())
+    return Path(wp.config.kernel_cache_dir or ".") / f"warp_trunk_{digest.hexdigest()}.compiled"
 
 
 def warm(options: RunOptions, execution: Execution) -> None:

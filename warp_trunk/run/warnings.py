@@ -50,8 +50,8 @@ def curve_warnings(before: Landmarks, after: Landmarks, pose: Pose = "surgery") 
 
 def endplate_warnings(before: Landmarks, after: Landmarks) -> list[str]:
     """A sentence where the endplates have errors, so that Cobb angles are read from a smooth line."""
-    found = {"before": spine_of(before).endplate_error, "after": spine_of(after).endplate_error}
-    rough = " and ".join(f"{error:.1f} mm {state}" for state, error in found.items() if error)
+    errors = {"before": spine_of(before).endplate_error, "after": spine_of(after).endplate_error}
+    rough = " and ".join(f"{error:.1f} mm {state}" for state, error in errors.items() if error)
     if not rough:
         return []
     return [
@@ -84,11 +84,11 @@ def alignment_warnings(table: MeasureTable) -> list[str]:
         beside = sided(shift, " mm")
         sentences.append(f"Balance: the top of the spine ends {beside} of the sacrum, more than {SHIFTED:g} mm.")
     if both := reverses("shoulder_difference_mm"):
-        was, will = (sided(one, " mm") for one in both)
+        was, will = (sided(value, " mm") for value in both)
         sentences.append(f"Shoulders: the higher one changes, from {was} to {will}.")
     for level in table.column(PREDICTED, "apical_translation_mm"):
         if both := reverses("apical_translation_mm", level):
-            was, will = (sided(one, " mm") for one in both)
+            was, will = (sided(value, " mm") for value in both)
             sentences.append(f"Apex {level}: goes across the midline, from {was} to {will}.")
     kyphosis = table.value(PREDICTED, "kyphosis_deg", "T5-T12")
     if kyphosis is not None and not KYPHOSIS[0] <= kyphosis <= KYPHOSIS[1]:
@@ -116,15 +116,15 @@ def flexibility_warnings(case: Case) -> list[str]:
 
 def option_warnings(tissues: Iterable[Tissue], gravity: float) -> list[str]:
     """A sentence for each constant that no soft tissue, or no place on the Earth, has."""
-    found = [
+    warnings = [
         f"tissue: '{name}' is {value:g} {unit}, {least:g} to {most:g} is usual for soft tissue; look at its unit."
         for tissue in tissues
         for name, (least, most, unit) in USUAL_TISSUE.items()
         if not least <= (value := getattr(tissue, name)) <= most
     ]
     if gravity and not USUAL_GRAVITY[0] <= gravity <= USUAL_GRAVITY[1]:
-        found.append(f"gravity: is {gravity:g} m/s^2, 9.81 is that of the Earth; look at its unit.")
-    return list(dict.fromkeys(found))  # each once
+        warnings.append(f"gravity: is {gravity:g} m/s^2, 9.81 is that of the Earth; look at its unit.")
+    return list(dict.fromkeys(warnings))  # each once
 
 
 def _unfinished(last: Relaxation) -> list[str]:
@@ -176,9 +176,9 @@ def check_size(tets: int, *, go_on: bool = False) -> str | None:
     Raises:
         InputError: it needs more memory than this machine has, and `go_on` is not set.
     """
-    need, minutes, there = _MEMORY + _MEMORY_EACH * tets, _SECONDS_EACH * tets / 60.0, usable_memory()
+    need, minutes, memory = _MEMORY + _MEMORY_EACH * tets, _SECONDS_EACH * tets / 60.0, usable_memory()
     cost = f"{tets} tetrahedra need about {need / 1e9:.1f} GB of memory and {minutes:.0f} min on two cores"
-    if need > there and not go_on:
-        few = max(int((there - _MEMORY) / _MEMORY_EACH), 0)
-        raise InputError(f"tets: {cost}, this machine has {there / 1e9:.1f} GB; ask for {few}, or give --yes")
+    if need > memory and not go_on:
+        few = max(int((memory - _MEMORY) / _MEMORY_EACH), 0)
+        raise InputError(f"tets: {cost}, this machine has {memory / 1e9:.1f} GB; ask for {few}, or give --yes")
     return cost if tets >= LARGE else None

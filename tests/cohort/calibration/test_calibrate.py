@@ -15,7 +15,7 @@ from support.small_case import small_case
 from warp_trunk.case import write_case
 from warp_trunk.case.case import Study
 from warp_trunk.case.tissue_file import constant_of, read_tissue_file
-from warp_trunk.cohort.calibration.calibrate import Calibration, Found, HeldOut, Rounds, prior_of
+from warp_trunk.cohort.calibration.calibrate import Calibration, FittedConstant, HeldOut, Rounds, prior_of
 from warp_trunk.cohort.calibration.fit import Prior, certainty, find, without
 from warp_trunk.cohort.calibration.free_constants import FreeConstant, check_free, values_of
 from warp_trunk.cohort.calibration.one_fit import CaseFit, FitJob, fit_case
@@ -29,9 +29,9 @@ from warp_trunk.run.options import RunOptions
 from warp_trunk.run.progress import Progress
 
 CALIBRATION = Calibration(
-    found=(
-        Found(name="poisson_ratio", start=0.45, value=0.468, low=0.455, high=0.48, from_data=0.9),
-        Found(name="fat.youngs_modulus", start=2.5, value=2.9, low=1.5, high=5.5, from_data=0.2),
+    constants=(
+        FittedConstant(name="poisson_ratio", start=0.45, value=0.468, low=0.455, high=0.48, from_data=0.9),
+        FittedConstant(name="fat.youngs_modulus", start=2.5, value=2.9, low=1.5, high=5.5, from_data=0.2),
     ),
     correlation=((1.0, -0.4), (-0.4, 1.0)),
     cases=("a", "b", "c"),
@@ -57,7 +57,7 @@ def test_file_and_page(tmp_path: Path) -> None:
     page = write_calibration(tmp_path / "tissue.toml", CALIBRATION).read_text(encoding="utf-8")
     assert read_tissue_file(tmp_path / "tissue.toml") == {"poisson_ratio": 0.468, "fat.youngs_modulus": 2.9}
     assert "SYNTHETIC" in (tmp_path / "tissue.toml").read_text(encoding="utf-8")
-    assert json.loads((tmp_path / "tissue.json").read_text(encoding="utf-8"))["found"][0]["low"] == 0.455
+    assert json.loads((tmp_path / "tissue.json").read_text(encoding="utf-8"))["constants"][0]["low"] == 0.455
     for said in (
         "0.455 to 0.48",
         "+0.50 to +1.50 mm, drawn over 3 patients",

@@ -148,10 +148,10 @@ def _solved(limits: Limits, targets: Sequence[Target], free: np.ndarray) -> Plac
         return Placed(chain, (x @ moves).reshape(*x.shape[:-1], *chain.angles.shape))
 
     def rows(x: np.ndarray) -> np.ndarray:
-        here = placed(x)
-        facing = here.change[..., chain.top, AXIAL, None] / _FACING
-        off = np.stack([_TARGET * target.off(here) for target in targets], axis=-1)
-        return np.concatenate([weight * x, off, facing, _LIMIT * limits.excess(here)], axis=-1)
+        chain_now = placed(x)
+        facing = chain_now.change[..., chain.top, AXIAL, None] / _FACING
+        off = np.stack([_TARGET * target.off(chain_now) for target in targets], axis=-1)
+        return np.concatenate([weight * x, off, facing, _LIMIT * limits.excess(chain_now)], axis=-1)
 
     limited = len(weight) + len(targets) + 1
 
@@ -161,10 +161,10 @@ def _solved(limits: Limits, targets: Sequence[Target], free: np.ndarray) -> Plac
         return values
 
     def slopes(x: np.ndarray) -> np.ndarray:
-        here, *there = rows(x + _STEP * np.eye(len(x) + 1, len(x), -1))
-        found = (np.array(there) - here).T / _STEP
-        found[limited:][here[limited:] <= 0.0] = 0.0
-        return found
+        residual, *varied = rows(x + _STEP * np.eye(len(x) + 1, len(x), -1))
+        jacobian = (np.array(varied) - residual).T / _STEP
+        jacobian[limited:][residual[limited:] <= 0.0] = 0.0
+        return jacobian
 
     exact: Any = {"jac": slopes, "method": "lm", "ftol": 1e-13, "xtol": 1e-9, "gtol": 1e-13}
     return placed(least_squares(residuals, np.zeros(len(weight)), **exact).x)

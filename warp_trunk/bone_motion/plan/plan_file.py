@@ -53,8 +53,8 @@ def curve_of_text(text: str) -> CurvePlan:
     Raises:
         InputError: a key that is not known, or a value that is no number or is not allowed.
     """
-    apex, given = targets_of_text("--curve", text, number, "a number, as correction=0.65")
-    return as_record({"apex": apex, **given}, CurvePlan, f"--curve {text}")
+    apex, targets = targets_of_text("--curve", text, number, "a number, as correction=0.65")
+    return as_record({"apex": apex, **targets}, CurvePlan, f"--curve {text}")
 
 
 def plan_text(plan: Plan) -> str:
@@ -124,17 +124,17 @@ def check_planned_folder(folder: Path, case: Path | None = None) -> None:
     refuse_case(folder.resolve().parent)
 
 
-def plan_files(given: Sequence[Path]) -> dict[str, Path]:
+def plan_files(paths: Sequence[Path]) -> dict[str, Path]:
     """The files of plans by what to call each: after its file, or where that is plan.toml, after its folder.
 
     Args:
-        given: files, or folders with a plan.toml, such as planned cases.
+        paths: files, or folders with a plan.toml, such as planned cases.
 
     Raises:
         InputError: two that are called the same.
     """
     files: dict[str, Path] = {}
-    for path in given:
+    for path in paths:
         file = path / PLAN if path.is_dir() else path
         name = file.resolve().parent.name if file.name == PLAN else file.stem
         if name in files:

@@ -81,8 +81,8 @@ class Planner:
             free[upper:lower] = True
             change = least_motion(self._limits, targets_of(chain, plan, curves), free)
         after = self._carried(change)
-        there = spine_of(after)
-        rotation = axial_rotation(there, self._across)
+        planned_spine = spine_of(after)
+        rotation = axial_rotation(planned_spine, self._across)
         angles = curves_after([curve.before for curve in curves], after)
         motions = []
         for curve, angle in zip(curves, angles, strict=True):
@@ -91,7 +91,7 @@ class Planner:
                 CurveMotion(curve.before, curve.plan is not None, angle or 0.0, turned, curve.flexibility)
             )
         seen = change * [1.0, 1.0, -1.0]  # a turn has the sign of axial rotation
-        moved = np.stack([there.centroids - self._spine.centroids, seen, segments(seen)], axis=1).tolist()
+        moved = np.stack([planned_spine.centroids - self._spine.centroids, seen, segments(seen)], axis=1).tolist()
         vertebrae = [
             VertebraMotion(
                 level,
@@ -101,7 +101,7 @@ class Planner:
                 tuple(segment),
                 self._turned(level, rotation),
             )
-            for row, (level, (shift, turn, segment)) in enumerate(zip(there.levels, moved, strict=True))
+            for row, (level, (shift, turn, segment)) in enumerate(zip(planned_spine.levels, moved, strict=True))
         ]
         return PlannedSurgery(
             plan=plan,
@@ -185,13 +185,13 @@ def flexibility_of(curves: Sequence[CobbAngle], films: Sequence[Landmarks]) -> d
     (Cobb standing - Cobb bending) / Cobb standing, between the end vertebrae of standing, on the film where the
     curve is smallest. A curve whose end vertebrae no film shows has none.
     """
-    found: dict[str, float] = {}
+    flexibility: dict[str, float] = {}
     bent = [curves_after(curves, film) for film in films]
     for number, curve in enumerate(curves):
         angles = [angle for film in bent if (angle := film[number]) is not None]
         if angles:
-            found[curve.apex] = (curve.angle - min(angles)) / curve.angle
-    return found
+            flexibility[curve.apex] = (curve.angle - min(angles)) / curve.angle
+    return flexibility
 
 
 def lenke_of(case: Case) -> str:
@@ -213,11 +213,11 @@ def beyond_reach(before: Landmarks, after: Landmarks, films: Sequence[Landmarks]
         return {}
     levels = before.vertebrae()
     bends = np.array([_bends(levels, marks) for marks in (before, *films)])
-    known = np.isfinite(bends[1:]).any(axis=0)
+    bending = np.isfinite(bends[1:]).any(axis=0)
     planned = _bends(levels, after)
     over = np.maximum(np.nanmin(bends, axis=0) - planned, planned - np.nanmax(bends, axis=0))
     return {
-        f"{levels[row]}-{levels[row + 1]}": float(over[row]) for row in np.flatnonzero(known & (over > BEYOND))
+        f"{levels[row]}-{levels[row + 1]}": float(over[row]) for row in np.flatnonzero(bending & (over > BEYOND))
     }
 
 

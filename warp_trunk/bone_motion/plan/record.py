@@ -186,10 +186,10 @@ def bounds_of_text(text: str) -> tuple[Bound, ...]:
     Raises:
         InputError: a range that is none, or a bound that is not allowed.
     """
-    apex, given = targets_of_text("--within", text, _range, "two numbers, as correction=0.5..0.8")
-    if not given:
+    apex, targets = targets_of_text("--within", text, _range, "two numbers, as correction=0.5..0.8")
+    if not targets:
         raise InputError(f"--within {text}: bounds nothing; write what may change, as {apex},correction=0.5..0.8")
-    return tuple(Bound(apex=apex, target=target, low=low, high=high) for target, (low, high) in given.items())
+    return tuple(Bound(apex=apex, target=target, low=low, high=high) for target, (low, high) in targets.items())
 
 
 def _range(text: str) -> tuple[float, float]:
@@ -212,16 +212,16 @@ def targets_of_text(
         InputError: a part that is no name and value, or a name that is given twice.
     """
     apex, *parts = (part.strip() for part in text.split(","))
-    given: dict[str, Value] = {}
+    targets: dict[str, Value] = {}
     for part in parts:
         name, _, said = (word.strip() for word in part.partition("="))
-        if name in given:
+        if name in targets:
             raise InputError(f"{option} {text}: '{name}' is given twice; give it once")
         try:
-            given[name] = value(said)
+            targets[name] = value(said)
         except ValueError:
             raise InputError(f"{option} {text}: '{part}' must be a name, = and {cure}") from None
-    return apex, given
+    return apex, targets
 
 
 def check_bounds(plan: Plan, bounds: Sequence[Bound]) -> None:
@@ -233,7 +233,7 @@ def check_bounds(plan: Plan, bounds: Sequence[Bound]) -> None:
         where = f"--within {bound.apex}: '{bound.target}'"
         if named.count((bound.apex, bound.target)) > 1:
             raise InputError(f"{where} is bounded twice; give each bound once")
-        if _given(plan, bound) is None:
+        if _share_of(plan, bound) is None:
             raise InputError(
                 f"{where} is not in the plan, which is the reference of the search; "
                 f"give it there, as --curve {bound.apex},{bound.target}={bound.high:g}"
@@ -242,7 +242,7 @@ def check_bounds(plan: Plan, bounds: Sequence[Bound]) -> None:
 
 def shares_of(plan: Plan, bounds: Sequence[Bound]) -> tuple[float, ...]:
     """The value of a plan for each bound."""
-    return tuple(_given(plan, bound) or 0.0 for bound in bounds)
+    return tuple(_share_of(plan, bound) or 0.0 for bound in bounds)
 
 
 def with_shares(plan: Plan, bounds: Sequence[Bound], shares: Sequence[float]) -> Plan:
@@ -253,5 +253,5 @@ def with_shares(plan: Plan, bounds: Sequence[Bound], shares: Sequence[float]) ->
     return replace(plan, curves=tuple(curves.values()))
 
 
-def _given(plan: Plan, bound: Bound) -> float | None:
+def _share_of(plan: Plan, bound: Bound) -> float | None:
     return next((getattr(curve, bound.target) for curve in plan.curves if curve.apex == bound.apex), None)

@@ -124,9 +124,9 @@ def surgery_text(surgery: PlannedSurgery) -> str:
     plan, planned = surgery.plan, ["left", "back", "up", "tilt", "lean", "turn", "> tilt", "> lean", "> turn"]
     spine = under_headings(surgery.rows, MeasureRow.compared_cells)
     vertebrae = [
-        [f"{one.level:<4}{'F' * one.fused}", *(f"{x:+z.1f}" for x in (*one.shift, *one.turn, *one.segment))]
-        + [f"{x:z.1f}" for x in one.rotation]
-        for one in surgery.vertebrae
+        [f"{v.level:<4}{'F' * v.fused}", *(f"{x:+z.1f}" for x in (*v.shift, *v.turn, *v.segment))]
+        + [f"{x:z.1f}" for x in v.rotation]
+        for v in surgery.vertebrae
     ]
     bends = [
         f"curve {curve.before.upper} to {curve.before.lower}: bends out by {100.0 * curve.flexibility:.0f} %"

@@ -85,19 +85,19 @@ def curves_of_plan(
     for asked in plan.curves:
         curve = _curve_at(asked.apex, curves, levels)
         if curve in wanted:
-            known = f"{curve.upper} to {curve.lower} is the curve of {wanted[curve].apex} already"
-            raise InputError(f"curve {asked.apex}: {known}; give each curve once")
+            taken = f"{curve.upper} to {curve.lower} is the curve of {wanted[curve].apex} already"
+            raise InputError(f"curve {asked.apex}: {taken}; give each curve once")
         if not rank(plan.uiv) <= rank(asked.apex) <= rank(plan.liv):
             fused = f"{plan.uiv} to {plan.liv}"
             raise InputError(f"curve {asked.apex}: is outside the fusion, {fused}; fuse it or leave it out")
         wanted[curve] = asked
     corrected = max((_correction(asked, curve.angle) for curve, asked in wanted.items()), default=0.0)
-    found = []
+    planned = []
     for curve in curves:
         bent_out = flexibility.get(curve.apex)
         share = plan.spontaneous if plan.spontaneous is not None else HALF if bent_out is None else bent_out
-        found.append(Curve(curve, wanted.get(curve), min(max(share, 0.0), corrected), bent_out))
-    return tuple(found)
+        planned.append(Curve(curve, wanted.get(curve), min(max(share, 0.0), corrected), bent_out))
+    return tuple(planned)
 
 
 def _correction(asked: CurvePlan, angle: float) -> float:
@@ -121,11 +121,11 @@ def curve_around(level: str, curves: Iterable[CobbAngle], levels: Sequence[str])
 
 
 def _curve_at(apex: str, curves: tuple[CobbAngle, ...], levels: tuple[str, ...]) -> CobbAngle:
-    found = curve_around(apex, curves, levels)
-    if found is None:
-        known = ", ".join(f"{c.upper} to {c.lower} with apex {c.apex}" for c in curves) or "none of 10 degrees"
-        raise InputError(f"curve {apex}: {apex} is in no curve of this spine, which has {known}; name an apex")
-    return found
+    curve = curve_around(apex, curves, levels)
+    if curve is None:
+        listed = ", ".join(f"{c.upper} to {c.lower} with apex {c.apex}" for c in curves) or "none of 10 degrees"
+        raise InputError(f"curve {apex}: {apex} is in no curve of this spine, which has {listed}; name an apex")
+    return curve
 
 
 def targets_of(chain: SpineChain, plan: Plan, curves: tuple[Curve, ...]) -> list[Target]:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Found:
+class FittedConstant:
     """One constant that was found."""
 
     name: str
@@ -63,7 +63,7 @@ class HeldOut:
 class Calibration:
     """The result of a calibration."""
 
-    found: tuple[Found, ...]
+    constants: tuple[FittedConstant, ...]
     """Every free constant."""
     correlation: tuple[tuple[float, ...], ...]
     """Between the errors of each two, in the same order."""
@@ -108,37 +108,37 @@ def calibrate(
     fit = rounds.search(prior)
     sure, cases = certainty(fit.pieces, prior), rounds.jobs
     first, last = rounds.at(prior.mean), rounds.at(fit.counted)
-    found = [
-        Found(
-            name=one.name,
-            start=one.start,
-            value=one.value(float(x)),
-            low=one.value(max(float(x - sure.width * sd), one.limits[0])),
-            high=one.value(min(float(x + sure.width * sd), one.limits[1])),
+    constants = [
+        FittedConstant(
+            name=constant.name,
+            start=constant.start,
+            value=constant.value(float(x)),
+            low=constant.value(max(float(x - sure.width * sd), constant.limits[0])),
+            high=constant.value(min(float(x + sure.width * sd), constant.limits[1])),
             from_data=float(share),
         )
-        for one, x, sd, share in zip(free, fit.counted, sure.sd, sure.from_data, strict=True)
+        for constant, x, sd, share in zip(free, fit.counted, sure.sd, sure.from_data, strict=True)
     ]
     held_out: list[HeldOut] = []
     if len(fit.pieces) > 1:  # every case with the constants of the other patients, simulated
-        others = {patient: without(fit.pieces, patient, fit.counted, prior) for patient in fit.pieces}
-        left = rounds.submitted([(replace(job, derivative=False), others[job.patient]) for job in cases])
+        left_out = {patient: without(fit.pieces, patient, fit.counted, prior) for patient in fit.pieces}
+        left = rounds.submitted([(replace(job, derivative=False), left_out[job.patient]) for job in cases])
         held_out = [
             HeldOut(
                 case=job.name,
                 patient=job.patient,
-                constants=values_of(free, others[job.patient]),
+                constants=values_of(free, left_out[job.patient]),
                 skin_before_mm=first[job.name].skin_mm,
-                skin_mm=one.skin_mm,
+                skin_mm=fit_of_case.skin_mm,
                 bsr_before_deg=first[job.name].bsr_deg,
-                bsr_deg=one.bsr_deg,
+                bsr_deg=fit_of_case.bsr_deg,
             )
             for job in cases
-            if isinstance(one := left[job.name], CaseFit)
+            if isinstance(fit_of_case := left[job.name], CaseFit)
         ]
-    gains = [one.skin_before_mm - one.skin_mm for one in held_out]
+    gains = [case_fit.skin_before_mm - case_fit.skin_mm for case_fit in held_out]
     return Calibration(
-        found=tuple(found),
+        constants=tuple(constants),
         correlation=tuple(tuple(map(float, row)) for row in sure.correlation),
         cases=tuple(job.name for job in cases),
         patients=len(fit.pieces),
@@ -150,14 +150,14 @@ def calibrate(
         skin_before_mm=float(np.mean([first[job.name].skin_mm for job in cases])),
         skin_mm=float(np.mean([last[job.name].skin_mm for job in cases])),
         held_out=tuple(held_out),
-        held_out_gain_mm=over_patients(gains, [one.patient for one in held_out]),
+        held_out_gain_mm=over_patients(gains, [case_fit.patient for case_fit in held_out]),
     )
 
 
 def prior_of(free: Sequence[FreeConstant], weight: bool) -> Prior:
     """The prior of the constants; without priors only their limits."""
-    low, high = np.array([one.limits for one in free]).T
-    mean, sd = np.array([(one.counted(one.start), one.believed) for one in free]).T
+    low, high = np.array([constant.limits for constant in free]).T
+    mean, sd = np.array([(constant.counted(constant.start), constant.believed) for constant in free]).T
     return Prior(mean=mean, sd=sd, low=low, high=high, weight=float(weight))
 
 
@@ -199,9 +199,9 @@ class Rounds:
         fits = self.at(counted)
         pieces: dict[str, list[Piece]] = {}
         for job in self.jobs:
-            one = fits[job.name]
-            assert one.derivative is not None  # it was asked for
-            pieces.setdefault(job.patient, []).append((one.residuals, one.derivative))
+            case_fit = fits[job.name]
+            assert case_fit.derivative is not None  # it was asked for
+            pieces.setdefault(job.patient, []).append((case_fit.residuals, case_fit.derivative))
         return {
             patient: (np.concatenate([r for r, _ in own]), np.concatenate([j for _, j in own]))
             for patient, own in pieces.items()
@@ -221,7 +221,7 @@ class Rounds:
             if begun and len(failed) > MOST_LOST * len(self.jobs):
                 results |= {name: self._worse(name) for name in failed}
                 failed = {}
-            self._known[key] = {name: one for name, one in results.items() if isinstance(one, CaseFit)}
+            self._known[key] = {name: result for name, result in results.items() if isinstance(result, CaseFit)}
             self.left_out |= failed
             self.jobs = [job for job in self.jobs if job.name not in failed]
             if not self.jobs:
@@ -245,16 +245,16 @@ class Rounds:
         for job, counted in jobs:
             before: Any = {"workers": where.get(job.name), "allow_other_workers": job.name in where}
             futures[self._client.submit(fit_case, job, counted, pure=False, **before)] = job.name
-        found: dict[str, CaseFit | Exception] = {}
+        results: dict[str, CaseFit | Exception] = {}
         self._progress.part(doing, 0, len(futures))
         for future in as_completed(list(futures)):
             name = futures[future]
             try:
-                one = found[name] = future.result()
+                ended = results[name] = future.result()
             except Exception as error:  # of the case or its worker; the round reports it
-                one = found[name] = error
-            ended = str(one) if isinstance(one, Exception) else f"{one.skin_mm:.2f} mm from the actual back"
-            self._progress.part(doing, len(found), len(futures), f"{name}: {ended}")
+                ended = results[name] = error
+            how = str(ended) if isinstance(ended, Exception) else f"{ended.skin_mm:.2f} mm from the actual back"
+            self._progress.part(doing, len(results), len(futures), f"{name}: {how}")
         done: Any = self._client.who_has(list(futures))  # of a client that is not asynchronous
-        self._where |= {name: list(done[one.key]) for one, name in futures.items() if done.get(one.key)}
-        return found
+        self._where |= {name: list(done[future.key]) for future, name in futures.items() if done.get(future.key)}
+        return results

@@ -66,7 +66,7 @@ def find(evaluate: Evaluate, prior: Prior) -> Fit:
         return np.concatenate([*(j for _, j in evaluate(x).values()), np.diag(root)])
 
     solve: Any = least_squares  # its types know no function for a derivative
-    found = solve(
+    solution = solve(
         residuals,
         np.clip(prior.mean, prior.low, prior.high),
         derivative,
@@ -77,7 +77,7 @@ def find(evaluate: Evaluate, prior: Prior) -> Fit:
         gtol=None,
         max_nfev=MOST_EVALUATIONS,
     )
-    return Fit(counted=found.x, pieces=evaluate(found.x), converged=found.status > 0)
+    return Fit(counted=solution.x, pieces=evaluate(solution.x), converged=solution.status > 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +139,7 @@ def without(pieces: Mapping[str, Piece], left_out: str, at: np.ndarray, prior: P
         at: the constants that fit all.
         prior: what is believed of them.
     """
-    kept: Sequence[Piece] = [piece for patient, piece in pieces.items() if patient != left_out]
-    A = sum((j.T @ j for _, j in kept), start=prior.information.copy())
-    gradient = sum((j.T @ r for r, j in kept), start=prior.information @ (at - prior.mean))
+    rest: Sequence[Piece] = [piece for patient, piece in pieces.items() if patient != left_out]
+    A = sum((j.T @ j for _, j in rest), start=prior.information.copy())
+    gradient = sum((j.T @ r for r, j in rest), start=prior.information @ (at - prior.mean))
     return np.clip(at - np.linalg.solve(A, gradient), prior.low, prior.high)

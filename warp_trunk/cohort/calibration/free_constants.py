@@ -93,7 +93,7 @@ class FreeConstant:
 
 def values_of(free: Sequence[FreeConstant], counted: np.ndarray) -> dict[str, float]:
     """Constants by name, of what was counted, shape (constants,)."""
-    return {one.name: one.value(float(x)) for one, x in zip(free, counted, strict=True)}
+    return {constant.name: constant.value(float(x)) for constant, x in zip(free, counted, strict=True)}
 
 
 def check_free(names: Sequence[str], case: Case, options: RunOptions) -> None:
@@ -137,5 +137,5 @@ def _unseen(name: str, case: Case, options: RunOptions, layered: bool) -> str:
 
 def layers_with(case: Case, constant: str) -> list[str]:
     """The layers that have a constant of their own, given by the case or by default."""
-    given = {} if case.layers is None else case.layers.constants
-    return [layer for layer in NAMES if constant in {**CONSTANTS[layer], **given.get(layer, {})}]
+    own = {} if case.layers is None else case.layers.constants
+    return [layer for layer in NAMES if constant in {**CONSTANTS[layer], **own.get(layer, {})}]

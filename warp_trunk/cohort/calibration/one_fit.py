@@ -104,10 +104,10 @@ def fit_case(job: FitJob, counted: np.ndarray) -> CaseFit:
     Raises:
         InputError: a case that cannot be simulated, has no actual skin, or whose skin finds no equilibrium.
     """
-    kept = _kept(job.key, job.folder, job.options.align_pelvis, job.options.run.mesh)
+    meshed = _meshed(job.key, job.folder, job.options.align_pelvis, job.options.run.mesh)
     constants = {**job.options.run.constants, **values_of(job.free, counted)}
-    options, case = replace(job.options.run, constants=constants), with_constants(kept.case, constants)
-    prediction = prepare(case, options, kept.trunk, execution=job.options.execution).relax()
+    options, case = replace(job.options.run, constants=constants), with_constants(meshed.case, constants)
+    prediction = prepare(case, options, meshed.trunk, execution=job.options.execution).relax()
     trunk, last = prediction.trunk, prediction.last
     relaxer, skin_nodes, status = prediction.relaxer, trunk.skin_nodes, last.relaxation.status
     linear = Linearization(
@@ -119,18 +119,18 @@ def fit_case(job: FitJob, counted: np.ndarray) -> CaseFit:
             ended = f"ended {status.name}, the skin {far:.1f} mm from equilibrium"
             raise InputError(f"{job.folder}: {ended}, which is no prediction")
     skin = prediction.skin
-    distance, direction = _distance(skin.vertices[kept.places], kept.actual)
-    scale = np.sqrt(WORTH / len(kept.places)) / SKIN_SD
+    distance, direction = _distance(skin.vertices[meshed.places], meshed.actual)
+    scale = np.sqrt(WORTH / len(meshed.places)) / SKIN_SD
     derivative = None
     if job.derivative:
         none = np.zeros_like(prediction.trunk.nodes)
-        bones = [_bones_moved(case, prediction, one) if one.of == RIBS else none for one in job.free]
+        bones = [_bones_moved(case, prediction, free) if free.of == RIBS else none for free in job.free]
         force_derivatives = [
-            none if one.of == RIBS else _force_derivative(linear, prediction, one) for one in job.free
+            none if free.of == RIBS else _force_derivative(linear, prediction, free) for free in job.free
         ]
-        moved = linear.follow(np.stack(bones), np.stack(force_derivatives))[:, skin_nodes][:, kept.places]
+        moved = linear.follow(np.stack(bones), np.stack(force_derivatives))[:, skin_nodes][:, meshed.places]
         derivative = scale * np.einsum("vi,cvi->vc", direction, moved)
-    judged = compare_skins(skin, kept.actual, case.planned_landmarks)
+    judged = compare_skins(skin, meshed.actual, case.planned_landmarks)
     back, rotation = judged.distance["back"], judged.bsr_error["T3-L5"]
     return CaseFit(
         residuals=scale * distance,
@@ -140,7 +140,7 @@ def fit_case(job: FitJob, counted: np.ndarray) -> CaseFit:
     )
 
 
-class _Kept(NamedTuple):
+class _MeshedCase(NamedTuple):
     """The data of a case that do not depend on the constants."""
 
     case: Case
@@ -151,7 +151,7 @@ class _Kept(NamedTuple):
 
 
 @lru_cache(maxsize=MOST_KEPT)
-def _kept(key: str, folder: Path, align_pelvis: bool, mesh: MeshOptions) -> _Kept:
+def _meshed(key: str, folder: Path, align_pelvis: bool, mesh: MeshOptions) -> _MeshedCase:
     """Reads and meshes a case, once on each worker for as long as `key` is the same.
 
     Raises:
@@ -160,9 +160,9 @@ def _kept(key: str, folder: Path, align_pelvis: bool, mesh: MeshOptions) -> _Kep
     case, _ = read_checked_case(folder, align=align_pelvis)
     if case.actual_skin is None:
         raise InputError(f"{folder}: has no actual skin to calibrate on; add actual_skin.ply or leave it out")
-    there = np.flatnonzero(skin_distance(case.skin, case.actual_skin, case.landmarks_before).counted)
-    places = there[np.linspace(0, len(there) - 1, min(PLACES, len(there))).astype(np.int64)]
-    return _Kept(case, case.actual_skin, make_trunk(case.skin, case.bones, mesh).trunk, places)
+    counted_rows = np.flatnonzero(skin_distance(case.skin, case.actual_skin, case.landmarks_before).counted)
+    places = counted_rows[np.linspace(0, len(counted_rows) - 1, min(PLACES, len(counted_rows))).astype(np.int64)]
+    return _MeshedCase(case, case.actual_skin, make_trunk(case.skin, case.bones, mesh).trunk, places)
 
 
 def _distance(points: np.ndarray, actual: Surface) -> tuple[np.ndarray, np.ndarray]:

@@ -10,7 +10,7 @@ from warp_trunk.io.atomic_write import json_text, write_whole
 from warp_trunk.io.folders import make_writable
 from warp_trunk.report.page import rendered
 
-from .calibrate import Calibration, Found
+from .calibrate import Calibration, FittedConstant
 
 
 def check_file(path: Path) -> None:
@@ -25,12 +25,12 @@ def write_calibration(path: Path, calibration: Calibration) -> Path:
     remarks = [
         f"found by warp-trunk calibrate on {len(calibration.cases)} cases of {calibration.patients} patients",
         *(["SYNTHETIC: these cases were made by a computer"] if calibration.synthetic else []),
-        *(f"{one.name}: {one.low:.4g} to {one.high:.4g} (95 %)" for one in calibration.found),
+        *(f"{fitted.name}: {fitted.low:.4g} to {fitted.high:.4g} (95 %)" for fitted in calibration.constants),
     ]
     page = path.with_suffix(".html")
     write_whole(path.with_suffix(".json"), json_text(calibration))
     write_whole(page, calibration_page(calibration))
-    write_tissue_file(path, {one.name: one.value for one in calibration.found}, remarks)
+    write_tissue_file(path, {fitted.name: fitted.value for fitted in calibration.constants}, remarks)
     return page
 
 
@@ -45,8 +45,8 @@ def calibration_page(calibration: Calibration) -> str:
     )
 
 
-def _percent(one: Found) -> str:
-    return f"{100.0 * one.from_data:.0f} %"
+def _percent(fitted: FittedConstant) -> str:
+    return f"{100.0 * fitted.from_data:.0f} %"
 
 
 def warnings_of(calibration: Calibration) -> list[str]:
@@ -55,12 +55,12 @@ def warnings_of(calibration: Calibration) -> list[str]:
     if not calibration.converged:
         said.append("The search did not come to its end; give other constants free, or more cases.")
     said += [
-        f"{one.name}: {_percent(one)} of the information comes from these patients, the rest is the prior; do "
-        "not fit it, or add patients."
-        for one in calibration.found
-        if one.from_data < 0.5
+        f"{fitted.name}: {_percent(fitted)} of the information comes from these patients, the rest is the prior; "
+        "do not fit it, or add patients."
+        for fitted in calibration.constants
+        if fitted.from_data < 0.5
     ]
-    judged = {one.case for one in calibration.held_out}
+    judged = {fit_of_case.case for fit_of_case in calibration.held_out}
     missing = ", ".join(name for name in calibration.cases if name not in judged) if judged else ""
     if missing:
         said.append(f"{missing}: no equilibrium with the constants of the others; not among the left-out backs.")
@@ -85,9 +85,9 @@ def calibration_text(calibration: Calibration) -> str:
     """The text for the terminal."""
     lines = [f"{len(calibration.cases)} cases of {calibration.patients} patients, {calibration.rounds} rounds"]
     lines += [
-        f"{one.name:<22} {one.value:10.4g}   95 %: {one.low:.4g} to {one.high:.4g}   (before {one.start:.4g}; "
-        f"{_percent(one)} from the patients)"
-        for one in calibration.found
+        f"{c.name:<22} {c.value:10.4g}   95 %: {c.low:.4g} to {c.high:.4g}   (before {c.start:.4g}; "
+        f"{_percent(c)} from the patients)"
+        for c in calibration.constants
     ]
     lines.append(
         f"mean distance of the backs: {calibration.skin_before_mm:.2f} mm before, {calibration.skin_mm:.2f} after"

@@ -48,7 +48,7 @@ class _Beside:
     """Gives trimesh the files beside an OBJ and no others; warns of one that cannot be had."""
 
     def __init__(self, obj: Path) -> None:
-        self._obj, self.given = obj, 0
+        self._obj, self.images_named = obj, 0
 
     def get(self, name: str) -> bytes:
         folder, name = self._obj.parent, name.replace("\\", "/")
@@ -60,7 +60,7 @@ class _Beside:
         except InputError as error:
             _log.warning("%s: its colours are left out. %s", self._obj, error)
             raise
-        self.given += 1
+        self.images_named += 1
         return content
 
 
@@ -77,9 +77,9 @@ def read_materials(obj: Path, names: list[str]) -> dict[str, Material]:
     for name in names:
         with suppress(InputError):
             materials |= parse_mtl(beside.get(name), beside)
-            beside.given -= 1
+            beside.images_named -= 1
     pictures = {name: look.get("image") for name, look in materials.items()}
-    if beside.given > sum(picture is not None for picture in pictures.values()):
+    if beside.images_named > sum(picture is not None for picture in pictures.values()):
         _log.warning("%s: a picture on it cannot be read; its colours are left out", obj)
     plain = {name: 255.0 * np.ravel(look.get("diffuse", 1.0)) * np.ones(3) for name, look in materials.items()}
     return {name: (np.full(3, 255.0) if picture else plain[name], picture) for name, picture in pictures.items()}
