@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from voxelise_case import grid_around, label_map, theirs, write_labels
+from voxelise_case import grid_around, label_map, total_segmentator_name, write_labels
 
 from support.blocks import spine_and_hips
 from warp_trunk.geometry.surface import Surface
@@ -54,7 +54,9 @@ def grid(spacing: tuple[float, float, float], mirrored: bool = False, oblique: b
 def labels() -> tuple[np.ndarray, np.ndarray]:
     """The bones on voxels of 1.5 mm with the numbers of TotalSegmentator v2, and the affine."""
     affine, shape = grid((1.5, 1.5, 1.5))
-    return label_map([(NUMBERS[theirs(name)], bone) for name, bone in bones().items()], affine, shape), affine
+    return label_map(
+        [(NUMBERS[total_segmentator_name(name)], bone) for name, bone in bones().items()], affine, shape
+    ), affine
 
 
 def body() -> tuple[np.ndarray, np.ndarray]:
@@ -78,7 +80,7 @@ def write_masks(folder: Path) -> Path:
     """One mask for each class, empty ones too, and one of the body."""
     folder.mkdir()
     values, affine = labels()
-    for name in (*(theirs(bone) for bone in bones()), "vertebrae_T9", "spleen"):
+    for name in (*(total_segmentator_name(bone) for bone in bones()), "vertebrae_T9", "spleen"):
         write_labels(folder / f"{name}.nii.gz", (values == NUMBERS.get(name, 1)).astype(np.uint8), affine)
     write_labels(folder / "body.nii.gz", *body())
     return folder
