@@ -28,7 +28,7 @@ from warp_trunk.run.unread_options import READERS, RunChoices, refuse_unread
 
 
 @pytest.mark.parametrize(
-    ("given", "energy", "rigidity"),
+    ("changes", "energy", "rigidity"),
     [
         ({"bones": "spline"}, "itmsm", 0.0),
         ({"bones": "follow"}, "neo-hookean", SKIN_RIGIDITY),

@@ -82,7 +82,7 @@ def test_each_plan_has_a_result_as_if_it_was_alone(folder: Path, capsys: pytest.
 
 
 @pytest.mark.parametrize(
-    ("given", "rule"),
+    ("files", "rule"),
     [
         (("less.toml", "never.toml"), "plan never: curve T8: "),
         (("less.toml", "./less.toml"), "is called 'less' too"),
