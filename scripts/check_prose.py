@@ -1,4 +1,4 @@
-"""Checks the English of pages, docstrings, comments, messages and report: proselint with a style of our own.
+"""Checks the English of pages, docstrings, comments, messages and report, and names: proselint with our own style.
 
     uv run python scripts/check_prose.py            # status 1 and one line for each offence
 
@@ -47,6 +47,25 @@ STYLE = {
     r"right-hand hump": "hump on the right",
 }
 """Refused constructions, as regular expressions of whole words, and what to write instead."""
+EMPTY_NAMES = {
+    *(
+        "found",
+        "one",
+        "ones",
+        "there",
+        "here",
+        "known",
+        "given",
+        "kept",
+        "others",
+        "theirs",
+        "thing",
+        "things",
+        "it",
+    ),
+    *("this", "that", "these", "those", "such"),
+}
+"""Names of variables, parameters, fields, functions and classes that state nothing of what they hold."""
 LEFT_OUT = ("typography", "dates_times", "lexical_illusions", "misc.phrasal_adjectives", "misc.currency")
 """Checks of proselint that do not fit technical text in plain punctuation, tables and equations."""
 ALLOWED = {
@@ -81,7 +100,8 @@ def check(path: Path) -> Iterator[str]:
     text = path.read_text(encoding="utf-8")
     prose = {".py": of_code, ".html": of_template, ".md": of_page}[path.suffix](text)
     allowed = ALLOWED.get(str(path.relative_to(ROOT)))
-    for line, message in [*offences(prose), *(noun_clauses(text) if path.suffix == ".py" else [])]:
+    code = [*noun_clauses(text), *empty_names(text)] if path.suffix == ".py" else []
+    for line, message in [*offences(prose), *code]:
         if allowed is None or allowed not in message:
             yield f"{line}: {message}"
 
@@ -101,6 +121,27 @@ def noun_clauses(text: str) -> list[tuple[int, str]]:
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
         if str(node.value.value).lstrip().startswith("What ")
     ]
+
+
+def empty_names(text: str) -> list[tuple[int, str]]:
+    """Names that a source gives and that are in `EMPTY_NAMES`, with their lines."""
+    names = [(node.lineno, name) for node in ast.walk(ast.parse(text)) if (name := _name_given(node))]
+    return [
+        (line, f"'{name}' states nothing of what it holds; name the content")
+        for line, name in names
+        if name.strip("_").lower() in EMPTY_NAMES
+    ]
+
+
+def _name_given(node: ast.AST) -> str:
+    match node:
+        case ast.Name(id=name, ctx=ast.Store()) | ast.Attribute(attr=name, ctx=ast.Store()) | ast.arg(arg=name):
+            return name
+        case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
+            return name
+        case ast.alias(asname=str(name)) | ast.ExceptHandler(name=str(name)) | ast.MatchAs(name=str(name)):
+            return name
+    return ""
 
 
 def of_page(text: str) -> str:

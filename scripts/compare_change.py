@@ -195,7 +195,7 @@ class Patient:
 
     @property
     def words(self) -> str:
-        """What decides its simulation."""
+        """The words that decide its simulation."""
         return f"{self.trunk.folder} {self.curve!r} {self.plan!r}"
 
 
@@ -236,7 +236,7 @@ def drawn(folders: Sequence[Path], group: Group, count: int, options: Options) -
 
 
 def top_of(trunk: Trunk, curve: SpineCurve) -> float:
-    """How far T1 stands to the convex side in the mean of a group: where it is told, or where the curve takes it
+    """How far T1 stands to the convex side in the mean of a group: where it is stated, or where the curve takes it
     [mm]."""
     if curve.t1_offset is not None:
         return curve.t1_offset
@@ -256,22 +256,26 @@ def simulated(name: str, patients: Sequence[Patient], options: Options) -> list[
     for number, patient in enumerate(patients):
         path = None if options.keep is None else options.keep / f"{name}_{number:02d}.npz"
         what = f"{options.tets} {options.skin_edge} {options.bone_edge} {options.increments} {patient.words}"
-        kept = None if path is None or not path.exists() else np.load(path)
-        if kept is None or str(kept["what"]) != what:
+        end = None if path is None or not path.exists() else np.load(path)
+        if end is None or str(end["what"]) != what:
             try:
-                kept = {"what": np.array(what), **relaxed(patient, options)}
+                end = {"what": np.array(what), **relaxed(patient, options)}
             except InputError as error:  # a curve that folds this trunk
                 print(f"{name} {number}: left out, {error}", file=sys.stderr, flush=True)
                 continue
             if path is not None:
                 path.parent.mkdir(parents=True, exist_ok=True)
-                np.savez_compressed(path, **kept)
-            print(f"{name} {number}: {kept['status']}, {kept['inverted']} inverted", file=sys.stderr, flush=True)
-        if str(kept["status"]) != RelaxStatus.CONVERGED.name:
+                np.savez_compressed(path, **end)
+            print(
+                f"{name} {number}: {end['status']}, {end['inverted']} inverted",
+                file=sys.stderr,
+                flush=True,
+            )
+        if str(end["status"]) != RelaxStatus.CONVERGED.name:
             continue
         names = patient.before.names
         changes.append(Change(*(
-            measure(Surface(kept[f"skin_{state}"], kept["faces"]), Landmarks(names, kept[f"landmarks_{state}"]))
+            measure(Surface(end[f"skin_{state}"], end["faces"]), Landmarks(names, end[f"landmarks_{state}"]))
             for state in (BEFORE, AFTER)
         )))  # fmt: skip
     return changes
@@ -315,7 +319,7 @@ class Part:
     values: np.ndarray
     """Predicted before and after of each case, shape (cases, 2), or the change itself, shape (cases,)."""
     judged: bool = True
-    """Whether it is a prediction; a number that the plan is told is not."""
+    """Whether it is a prediction; a number that the plan states is not."""
 
     @property
     def predicted(self) -> np.ndarray:
@@ -330,12 +334,12 @@ class Part:
 
     def text(self) -> str:
         """The predicted number, and in brackets its change and the published one."""
-        told = "" if self.judged else ", told to the plan"
+        remark = "" if self.judged else ", stated by the plan"
         published = "falls" if math.isnan(self.change) else f"{self.change:+z.3g} ± {self.error:.2g}"
         if self.values.ndim == 1:
-            return f"{self.name} {np.nanmean(self.values):+z.3g} ({published}{told})"
+            return f"{self.name} {np.nanmean(self.values):+z.3g} ({published}{remark})"
         before, after = np.nanmean(self.values, axis=0)
-        return f"{self.name} {before:z.1f} to {after:z.1f} ({after - before:+z.1f}; {published}{told})"
+        return f"{self.name} {before:z.1f} to {after:z.1f} ({after - before:+z.1f}; {published}{remark})"
 
 
 @dataclass(frozen=True)
@@ -367,7 +371,7 @@ class Row:
 
 def stack(changes: Sequence[Change], read: Callable[[Change], np.ndarray]) -> np.ndarray:
     """A number of all changes, shape (cases, 2)."""
-    return np.array([read(one) for one in changes])
+    return np.array([read(change) for change in changes])
 
 
 def correlation(pairs: np.ndarray) -> np.ndarray:

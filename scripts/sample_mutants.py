@@ -210,8 +210,8 @@ def sample(options: Options) -> list[Mutant]:
         draw = random.Random(f"{options.seed} {package}")
         places = [(path, changes) for path in paths for changes in possible[path]]
         draw.shuffle(places)
-        ones = (_mutant(path, draw.choice(changes)) for path, changes in places)
-        drawn += itertools.islice((mutant for mutant in ones if mutant), options.each)
+        mutants = (_mutant(path, draw.choice(changes)) for path, changes in places)
+        drawn += itertools.islice((mutant for mutant in mutants if mutant), options.each)
     return drawn
 
 
@@ -337,15 +337,15 @@ class Ended:
 def _run(command: Sequence[str], copy: tuple[Path, int], limit: float, **environment: str) -> Ended:
     """Runs tests in a copy of the tree on its core, with nothing kept from earlier runs."""
     tree, core = copy
-    kept = tree.parent / f"kept{tree.name}"
-    shutil.rmtree(kept, ignore_errors=True)
-    kept.mkdir()
+    scratch = tree.parent / f"kept{tree.name}"
+    shutil.rmtree(scratch, ignore_errors=True)
+    scratch.mkdir()
     path = os.pathsep.join([str(tree), *filter(None, [os.environ.get("PYTHONPATH")])])
-    variables = os.environ | {"PYTHONPATH": path, "WARP_TRUNK_CACHE": str(kept / "cache"), **environment}
+    variables = os.environ | {"PYTHONPATH": path, "WARP_TRUNK_CACHE": str(scratch / "cache"), **environment}
     started = time.monotonic()
-    log = kept / "output"
+    log = scratch / "output"
     with log.open("w", encoding="utf-8") as output:
-        arguments = [*command, f"--basetemp={kept / 'tests'}"]
+        arguments = [*command, f"--basetemp={scratch / 'tests'}"]
         process = subprocess.Popen(
             arguments, cwd=tree, env=variables, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
         )
@@ -366,8 +366,8 @@ def _measured_tests(options: Options, copies: Copies, until: float) -> list[Test
     for folder in ("warp_trunk", "kernels", "tests"):
         for path in sorted(ROOT.glob(f"{folder}/**/*.py")):
             tree.update(path.read_bytes())
-    kept = options.out / f"tests-{tree.hexdigest()[:12]}.jsonl"
-    tests = {test.path: test for test in (Tested(**row) for row in _rows(kept))}
+    cache = options.out / f"tests-{tree.hexdigest()[:12]}.jsonl"
+    tests = {test.path: test for test in (Tested(**row) for row in _rows(cache))}
     files = sorted(ROOT.glob("tests/**/test_*.py"), key=lambda path: -path.stat().st_size)
     names = [str(path.relative_to(ROOT)) for path in files]
     names = [name for name in names if not name.startswith(options.without)]
@@ -383,7 +383,7 @@ def _measured_tests(options: Options, copies: Copies, until: float) -> list[Test
             copies.put(copy)
         with lock:
             tests[name] = test
-            _append(kept, asdict(test))
+            _append(cache, asdict(test))
             print(f"{len(tests)}/{len(names)} {name}: {test.seconds:.0f} s, {len(test.failed)} failed", flush=True)
 
     with ThreadPoolExecutor(options.jobs) as pool:
@@ -498,8 +498,8 @@ def _statement(text: str, line: int) -> set[int]:
 
 def report(mutants: list[Mutant], outcomes: dict[str, dict[str, Any]], options: Options) -> str:
     """The rates by package and the survivors, with the words written behind them before."""
-    kept = _text(options.out / "mutants.md")
-    words = dict(re.findall(r"^- \S+?:\d+ .*?(`.*`): (.+)$", kept, flags=re.MULTILINE))
+    earlier = _text(options.out / "mutants.md")
+    words = dict(re.findall(r"^- \S+?:\d+ .*?(`.*`): (.+)$", earlier, flags=re.MULTILINE))
     rows = [f"Mutants of seed {options.seed}, {options.each} of each package.", ""]
     rows += ["| package | tested | killed | rate |", "|---|---|---|---|"]
     groups: defaultdict[str, list[dict[str, Any]]] = defaultdict(list)

@@ -36,3 +36,12 @@ def test_tags_and_expressions_of_a_template_are_left_out() -> None:
 def test_docstring_that_begins_with_a_noun_clause_is_found() -> None:
     code = 'x = 1\n"""What it is."""\ny = "What is this?"\n'
     assert [line for line, _ in check_prose.noun_clauses(code)] == [2]
+
+
+def test_a_name_that_states_nothing_is_found_wherever_it_is_given() -> None:
+    code = (
+        "def f(given, *others):\n    found = [one for one in given]\n    self._kept = found\n    return found\n"
+        "class Known:\n    there: int = 0\n"
+        "heights = [level.one for level in levels(known=True)]\n"
+    )
+    assert [line for line, _ in check_prose.empty_names(code)] == [5, 1, 1, 2, 3, 6, 2]

@@ -178,13 +178,13 @@ class Rounds:
     def __init__(self, client: Client, jobs: Sequence[FitJob], progress: Progress) -> None:
         self.jobs, self.left_out = list(jobs), dict[str, str]()
         self._client, self._progress = client, progress
-        self._known: dict[bytes, dict[str, CaseFit]] = {}
+        self._rounds: dict[bytes, dict[str, CaseFit]] = {}
         self._where: dict[str, list[str]] = {}
 
     @property
     def count(self) -> int:
         """How many there were."""
-        return len(self._known)
+        return len(self._rounds)
 
     def search(self, prior: Prior) -> Fit:
         """The constants that fit best all cases that find an equilibrium wherever the search goes."""
@@ -214,14 +214,14 @@ class Rounds:
             _LostError: some found no equilibrium, and are left out from now on.
         """
         key = counted.tobytes()
-        if key not in self._known:
+        if key not in self._rounds:
             results = self.submitted([(job, counted) for job in self.jobs])
             failed = {name: str(error) for name, error in results.items() if isinstance(error, Exception)}
-            begun = bool(self._known)
+            begun = bool(self._rounds)
             if begun and len(failed) > MOST_LOST * len(self.jobs):
                 results |= {name: self._worse(name) for name in failed}
                 failed = {}
-            self._known[key] = {name: result for name, result in results.items() if isinstance(result, CaseFit)}
+            self._rounds[key] = {name: result for name, result in results.items() if isinstance(result, CaseFit)}
             self.left_out |= failed
             self.jobs = [job for job in self.jobs if job.name not in failed]
             if not self.jobs:
@@ -229,11 +229,11 @@ class Rounds:
                 raise InputError(f"calibrate: no case could be simulated; the first: {first}")
             if begun and failed:
                 raise _LostError
-        return self._known[key]
+        return self._rounds[key]
 
     def _worse(self, name: str) -> CaseFit:
         """A fit so much worse than the last one of a case that the search takes a shorter step from there."""
-        last = next(fits[name] for fits in reversed(self._known.values()) if name in fits)
+        last = next(fits[name] for fits in reversed(self._rounds.values()) if name in fits)
         return replace(last, residuals=WORSE * last.residuals)
 
     def submitted(self, jobs: Sequence[tuple[FitJob, np.ndarray]]) -> dict[str, CaseFit | Exception]:
