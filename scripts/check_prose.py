@@ -125,11 +125,10 @@ def noun_clauses(text: str) -> list[tuple[int, str]]:
 
 def empty_names(text: str) -> list[tuple[int, str]]:
     """Names that a source gives and that are in `EMPTY_NAMES`, with their lines."""
-    names = [(node.lineno, name) for node in ast.walk(ast.parse(text)) if (name := _name_given(node))]
     return [
-        (line, f"'{name}' states nothing of what it holds; name the content")
-        for line, name in names
-        if name.strip("_").lower() in EMPTY_NAMES
+        (getattr(node, "lineno", 1), f"'{name}' states nothing of what it holds; name the content")
+        for node in ast.walk(ast.parse(text))
+        if (name := _name_given(node)).strip("_").lower() in EMPTY_NAMES
     ]
 
 

@@ -78,8 +78,8 @@ class _Graph:
         self._shape, self._blocks = inside.shape, np.argwhere(inside)
         self.points = label.place_blocks(self._blocks, self._factors)
         self._depth = depth(np.pad(inside, 1), label.spacing * self._factors)[tuple(self._blocks.T + 1)]
-        self._first_block, self._second_block = KDTree(self._blocks).query_pairs(1.8, output_type="ndarray").T
-        self._step = np.linalg.norm(self.points[self._first_block] - self.points[self._second_block], axis=1)
+        self._first, self._second = KDTree(self._blocks).query_pairs(1.8, output_type="ndarray").T
+        self._step = np.linalg.norm(self.points[self._first] - self.points[self._second], axis=1)
 
     def meeting(self, bone: Mask, further: float) -> np.ndarray:
         """Numbers of the blocks nearest to a bone, or somewhat farther [mm]; none where the bone is too far."""
@@ -101,9 +101,7 @@ class _Graph:
         if not (start.size and goal.size):
             return np.empty(0, dtype=int)
         price = _WIDE / np.clip(self._depth, 1e-3, _WIDE) * np.where(taken, _TAKEN, 1.0)
-        cost, before, _ = self._cheapest(
-            start, self._step * 0.5 * (price[self._first_block] + price[self._second_block])
-        )
+        cost, before, _ = self._cheapest(start, self._step * 0.5 * (price[self._first] + price[self._second]))
         reached = goal[np.isfinite(cost[goal])]
         if not reached.size:
             linked = np.flatnonzero(np.isfinite(cost))
@@ -145,5 +143,5 @@ class _Graph:
         from scipy.sparse import coo_array  # heavy
         from scipy.sparse.csgraph import dijkstra
 
-        graph = coo_array((cost, (self._first_block, self._second_block)), shape=(len(self._blocks),) * 2).tocsr()
+        graph = coo_array((cost, (self._first, self._second)), shape=(len(self._blocks),) * 2).tocsr()
         return dijkstra(graph, directed=False, indices=start, return_predecessors=True, min_only=True)
