@@ -90,10 +90,9 @@ def equilibria(trunk: Trunk, options: Options) -> Iterator[str]:
     """Distance of equilibria from those of an independent solver, and of the default from its own in float64."""
     yield "## Equilibrium of the tissue\n"
     yield (
-        "The largest distance of any node from the true equilibrium, and the distance that the program reports. "
-        "scikit-fem assembles the same problem from an energy that was written independently, and a direct solver "
-        "solves it to 1e-6 mm. The resistance of the skin to bending is off for this comparison; with it, the "
-        "reference is the program itself in float64.\n"
+        "The largest distance of any node from the true equilibrium, reported and true. The reference is "
+        "scikit-fem with an energy that was written independently, without the resistance of the skin to bending; "
+        "with it, the program itself in float64.\n"
     )
     yield "| scene | precision | reference | reported [mm] | true [mm] |"
     yield "|---|---|---|---:|---:|"
@@ -133,9 +132,9 @@ def intervals(trunk: Trunk, options: Options) -> Iterator[str]:
     inside = [bool(bands[level].holds(value)) for level, draws_at in values.items() for value in draws_at]
     yield "## 95 % intervals\n"
     yield (
-        f"{draws} whole simulations with random errors of all landmarks (2.1 ± 1.5 mm before and after surgery) "
-        "against `--bands` with this source of error alone: standard deviation of the back surface rotation by "
-        "derivatives, divided by that of the simulations.\n"
+        f"{draws} whole simulations with random errors of all landmarks (2.1 ± 1.5 mm) against `--bands` with "
+        "this source of error alone: standard deviation of the rotation by derivatives over that of the "
+        "simulations.\n"
     )
     yield "| levels | ratio, mean | smallest | largest | simulations within the interval |"
     yield "|---:|---:|---:|---:|---:|"
@@ -152,7 +151,7 @@ def landmarks(trunk: Trunk, options: Options) -> Iterator[str]:
     yield "## Landmarks found on bones\n"
     yield (
         "Landmarks that moved with the bones as a curve was imposed, and those that `landmarks` finds on curved "
-        "bones: the search must not depend on the pose of a vertebra.\n"
+        "bones.\n"
     )
     yield "| curve | distance, mean [mm] | largest [mm] | Cobb angle found [°] | true [°] |"
     yield "|---|---:|---:|---:|---:|"
