@@ -103,6 +103,17 @@ def test_levels_hump_and_trends():
     assert summary.trends["months_after"] is None
 
 
+@pytest.mark.parametrize("cases", [3, 9, 10])
+def test_few_cases_have_no_trend_and_no_p(cases: int, tmp_path: Path) -> None:
+    rows = [
+        case(f"P{n}", level("L2", -4.0 - n % 3, -3.0, -9.0, -2.0), patient=f"P{n}", cobb_deg=40.0 + n)
+        for n in range(cases)
+    ]
+    write_cohort(tmp_path, rows)
+    page = (tmp_path / "cohort.html").read_text(encoding="utf-8")
+    assert ("Regression of the error" in page, ">p</th>" in page) == (cases == 10, cases == 10)
+
+
 def test_a_method_that_is_worse_than_doing_nothing_says_so_first(tmp_path: Path):
     """Lumbar errors of three patients are 3, 4 and 5, and 1 if nothing changed."""
     rows = [case(f"P{n}", level("L2", -4.0 - n, -3.0, -9.0, -2.0), patient=f"P{n}") for n in (1, 2, 3)]

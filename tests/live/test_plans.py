@@ -12,18 +12,19 @@ import pytest
 
 from support.small_case import part_case
 from support.small_trunk import APEX, curved_case
-from warp_trunk.bone_motion.plan import CurvePlan, Plan, PlannedSurgery, plan_surgery, read_plan
-from warp_trunk.bone_motion.plan.surgery import surgery_record
+from warp_trunk.bone_motion.plan import CurvePlan, Plan, PlannedSurgery, Planner, plan_surgery, read_plan
+from warp_trunk.bone_motion.plan.surgery import HELD, surgery_record
 from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.case.motions import Motion, Turn, rigid_motions
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import RigidMotion
-from warp_trunk.live.number_table import WAITING, numbers_html
+from warp_trunk.live.number_table import WAITING, _rotation, numbers_html
 from warp_trunk.live.saved_plans import SavedPlans
 from warp_trunk.live.session import PlanView
 from warp_trunk.live.sliders import Controls, MotionSliders, SpineSliders, first_state, with_handles
 from warp_trunk.measures import measure
 from warp_trunk.measures.number_text import MISSING
+from warp_trunk.measures.quantities import Measured, MeasureTable
 from warp_trunk.measures.rows import number
 from warp_trunk.run.patient import motions_of
 from warp_trunk.spine import cobb_angles
@@ -114,7 +115,7 @@ def test_the_table_has_what_the_plan_and_the_skin_have() -> None:
     assert isinstance(VIEW.surgery, PlannedSurgery)
     curve = next(curve for curve in VIEW.surgery.curves if curve.planned)
     row = text[text.index(f"Cobb angle {curve.before.upper} to {curve.before.lower}") :]
-    assert f"<td>{number(curve.before.angle)}</td><td>{number(curve.cobb_after)}</td>" in row[:150]
+    assert re.findall(r"<td[^>]*>([^<]*)</td>", row)[:2] == [number(curve.before.angle), number(curve.cobb_after)]
     assert "Look:</b> a &lt; b" in text
     assert text.count("<rect") == 2 * sum(angle is not None for angle in BEFORE.bsr.values())
     assert WAITING not in text
@@ -124,7 +125,7 @@ def test_numbers_of_a_skin_that_is_not_relaxed_are_blank_and_the_curves_are_not(
     """The column "plan" holds numbers of this plan or is blank, never those of the plan before."""
     text = numbers_html(CASE, BEFORE, VIEW)
     assert f"The back{WAITING}" in text
-    rows = dict(re.findall(r"<th[^>]*>([^<]*)</th>((?:<td>[^<]*</td>)+)", text))
+    rows = dict(re.findall(r"<th[^>]*>([^<]*)</th>((?:<td>[^<]*</td>)+)", re.sub(r" data-label=[^>]*", "", text)))
     of_skin = {name: cells for name, cells in rows.items() if "hump" in name or "(BSR)" in name}
     assert len(of_skin) >= 3
     assert all(cells.endswith(f"<td>{MISSING}</td>") for cells in of_skin.values())
@@ -138,6 +139,31 @@ def test_a_plan_to_compare_with_is_a_column_of_its_own() -> None:
     assert "&lt;mine&gt;" in text
     assert "<mine>" not in text
     assert text.count("<rect") == 3 * sum(angle is not None for angle in BEFORE.bsr.values())
+
+
+def test_bars_have_the_scale_of_the_levels_that_decide() -> None:
+    rows = [
+        Measured(state, level, "bsr_deg", angle)
+        for state in ("before", "plan")
+        for level, angle in {"T1": 68.0, "T8": 10.0, "L3": -5.0}.items()
+    ]
+    levels, _, bars = _rotation(MeasureTable(rows), ("before", "plan"))
+    assert levels == [("T1", "68 right"), ("T8", "10 right"), ("L3", "5.0 left")]
+    wide = [width for _, _, width, _, _ in bars]
+    assert wide == pytest.approx([wide[2]] * 4 + [wide[2] / 2.0] * 2)
+
+
+def test_intervals_have_a_column_and_hide_what_is_wider_than_it_says() -> None:
+    angle = BEFORE.bsr[APEX]
+    wide = Measured.with_sd("predicted", APEX, "bsr_deg", 3.0, 20.0)
+    cobb = next(curve for curve in SURGERY.curves if curve.planned).before
+    sure = Measured.with_sd("predicted", cobb.ends, "cobb_deg", 20.0, 2.0)
+    text = numbers_html(CASE, BEFORE, replace(VIEW, relaxed=True, measures=BEFORE, intervals=(wide, sure)))
+    assert angle is not None
+    assert '<th scope="col">19 of 20</th>' in text
+    assert '<td data-label="19 of 20">16 to 24</td>' in text
+    assert f'<td data-label="19 of 20">{HELD}</td>' in text
+    assert text.count(">not known</text>") == 1
 
 
 REST = SpineSliders(CASE)
@@ -276,3 +302,32 @@ def test_levels_in_the_wrong_order_are_refused_in_the_words_of_the_page() -> Non
         InputError, match="the upper vertebra must lie above the lower one, but T12 is not above T5"
     ):
         REST.surgery(state)
+
+
+@pytest.mark.parametrize(
+    ("target", "words"),
+    [
+        ("curve {apex}: Cobb angle after 4 degrees", "Correction 90 % of the curve {ends} cannot be met"),
+        ("curve {apex}: rotation after 1 degrees", "Derotation "),
+        ("kyphosis_T5_T12 50 degrees", "kyphosis T5-T12 of 50 degrees cannot be met"),
+        ("sva_after 10 mm", "balance to the front of 10 mm cannot be met"),
+    ],
+)
+def test_a_plan_that_cannot_be_met_is_refused_in_the_words_of_the_page(
+    target: str, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = (
+        f"plan: {target.format(apex=MAJOR.apex)} cannot be met with what else is asked and kept; the nearest is 10"
+    )
+
+    def refused(_: object, __: object) -> None:
+        raise InputError(f"{text}; ask for that, or fuse other levels")
+
+    monkeypatch.setattr(Planner, "plan", refused)
+    with pytest.raises(InputError) as of_page:
+        REST.surgery(first_state(REST))
+    said = str(of_page.value)
+    assert said.startswith(words.format(ends=f"{MAJOR.upper}-{MAJOR.lower}"))
+    if "Cobb" in target:
+        assert "the nearest is 75 %" in said  # 10 of 40 degrees are left
+    assert not re.search(r"[a-z]_[a-zT]|plan: |Cobb angle after|rotation after", said)

@@ -4,7 +4,15 @@ import numpy as np
 import trimesh
 
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.live.page_scene import LINE_DISTANCE, OUTLINE, outer_first, outlines, relief_lines
+from warp_trunk.live.page_scene import (
+    HATCH,
+    LINE_DISTANCE,
+    OUTLINE,
+    hatch_lines,
+    outer_first,
+    outlines,
+    relief_lines,
+)
 from warp_trunk.live.relaxation import InitialGuess
 
 
@@ -42,6 +50,18 @@ def test_outlines_of_a_sphere_are_its_parallels() -> None:
     ball = trimesh.creation.icosphere(subdivisions=4, radius=98.0)
     ends = outlines(np.asarray(ball.vertices), np.asarray(ball.faces))
     check_circles(ends, 2, OUTLINE, range(-6, 7))  # whole, front and back
+
+
+def test_a_hatch_covers_the_triangles_that_it_is_given_and_no_others() -> None:
+    ball = trimesh.creation.icosphere(subdivisions=5, radius=98.0)
+    vertices, faces = np.asarray(ball.vertices), np.asarray(ball.faces)
+    front = faces[(vertices[:, 1] < 0.0)[faces].all(axis=1)]
+    ends = hatch_lines(vertices, front)
+    assert ends[:, :, 1].max() < 1.0
+    place = (ends[..., 0] + ends[..., 2]) / HATCH
+    assert np.abs(place - np.round(place)).max() < 0.6 * np.sqrt(2.0) / HATCH  # lifted off the skin by 0.6 mm
+    numbers = set(np.round(place[:, 0]).astype(int))
+    assert numbers == set(range(-9, 10))  # over the whole of it
 
 
 def test_outer_triangles_come_before_inner_ones() -> None:

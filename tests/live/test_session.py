@@ -25,6 +25,7 @@ from warp_trunk.live.session import Latest, PlanView, Session
 from warp_trunk.live.sliders import MotionSliders, Sliders, SliderState, SpineSliders, first_state, with_handles
 from warp_trunk.measures import measure
 from warp_trunk.meshing import MeshOptions
+from warp_trunk.run.intervals import find_bands
 from warp_trunk.run.options import Execution, RunOptions
 from warp_trunk.run.patient import PreparedPatient, patient_of
 from warp_trunk.run.prediction import Prediction, prepare_plan
@@ -145,7 +146,9 @@ def test_a_newer_wish_ends_a_relaxation_that_takes_long(
     """A state far away whose relaxation never ends by itself, then undo."""
     relax = LiveRelaxation.relax
 
-    def endless(tissue: LiveRelaxation, tolerance: float, *, confirm: bool, newer: Callable[[], bool]) -> Relaxed:
+    def endless(
+        tissue: LiveRelaxation, tolerance: float, *, confirm: bool, newer: Callable[[], bool], report: object
+    ) -> Relaxed:
         while np.abs(tissue._carried).max() > 12.0:
             time.sleep(0.01)
             if newer():
@@ -203,6 +206,59 @@ def test_another_plan_is_relaxed_beside_that_of_the_sliders(patient: PreparedPat
     assert session.faults == []
 
 
+def test_a_wish_far_away_is_predicted_as_simulate_does_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No iteration is spent on the way straight there."""
+    monkeypatch.setattr(relaxation, "MOST_ITERATIONS", -1)
+    monkeypatch.setattr(relaxation, "FEW_INVERTED", 0.0)
+    said = list[str]()
+    patient = small_patient()
+    tissue = LiveRelaxation(patient)
+    planned = SpineSliders(patient.case).surgery(
+        {**first_state(SpineSliders(patient.case)), f"correction {APEX}": 60}
+    )
+    case = planned.planned_case(patient.case)
+    tissue.go(case)
+    predicted = tissue.relax(1.0, confirm=False, newer=lambda: False, report=said.append)
+    count = patient.options.simulation.increments
+    assert all("from before surgery, as the plan is far" in line for line in said)
+    parts = [line.partition(" from")[0] for line in said]
+    assert list(dict.fromkeys(parts)) == [f"part {number} of {count}" for number in range(1, count + 1)]
+    alone = prepare_plan(small_patient(), case).relax()
+    np.testing.assert_allclose(predicted.skin, alone.skin.vertices, atol=1e-4)
+    assert tissue.relax(0.1, confirm=True, newer=lambda: False) is predicted
+
+
+def test_intervals_are_those_of_a_simulation(patient: PreparedPatient) -> None:
+    with Heard(patient) as session:
+        state = session.corrected(40)
+        view = session.settled(state)
+        assert view.intervals == ()
+        session.ask_for_intervals()
+        session.until(lambda: session.view is not None and session.view.intervals)
+        assert session.view is not None
+        rows = {(row.state, row.quantity, row.level): row for row in session.view.intervals}
+        assert session.view.settled
+        session.settled(session.corrected(10))  # of another plan there are none
+        assert session.view.intervals == ()
+    alone = prepare_plan(small_patient(), view.surgery.planned_case(patient.case)).relax()
+    for row in find_bands(alone).rows:
+        if row.state == "predicted" and row.quantity in ("bsr_deg", "cobb_deg"):
+            assert rows[row.state, row.quantity, row.level].sd == pytest.approx(row.sd, rel=0.05, abs=0.02)
+    assert session.faults == []
+
+
+def test_a_plan_that_is_relaxed_to_the_end_warns_as_a_simulation_does(
+    patient: PreparedPatient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a kyphosis of 50 degrees, and of skin that is stretched, as soon as any is."""
+    monkeypatch.setattr("warp_trunk.measures.skin_quality.STRETCH", 1.0)
+    monkeypatch.setattr("warp_trunk.measures.skin_quality.AREA", 0.0)
+    with Heard(patient) as session:
+        view = session.settled({**session.corrected(20), "kyphosis": 50})
+    assert [w for w in view.warnings if w.startswith("Kyphosis T5 to T12: ends at 50 degrees, 10 to 40 is normal")]
+    assert [w for w in view.warnings if w.startswith("The predicted skin is stretched to more than")]
+
+
 def test_the_latest_is_taken_and_the_end_wakes_who_waits() -> None:
     place: Latest[int] = Latest()
     for value in range(1, 100):
@@ -236,6 +292,7 @@ def test_tissue_comes_off_bones_as_in_a_simulation(monkeypatch: pytest.MonkeyPat
     tissue.go(case)
     with monkeypatch.context() as patch:
         patch.setattr(relaxation, "FEW_INVERTED", 1.0)
+        patch.setattr(relaxation, "MOST_ITERATIONS", 10_000)
         moving = tissue.relax(1.0, confirm=False, newer=lambda: False)
     assert (moving.status, moving.warnings) == (RelaxStatus.NEAR, (relaxation.PINCHED,))
     released = tissue.relax(1.0, confirm=False, newer=lambda: False)  # too many to leave them

@@ -41,6 +41,8 @@ def test_one_invented_level_is_missing_with_its_reason() -> None:
     measures = measure(CASE.skin, CASE.landmarks_before, unseen=unseen)
     assert measures.bsr["T8"] is None
     assert measures.hump_height["T8"] is None
+    assert measures.slopes["T8"] is None
+    assert measures.slopes["T12"] == WHOLE.slopes["T12"]
     assert "the scan shows no back" in measures.missing["T8"]
     assert measures.bsr["T12"] == WHOLE.bsr["T12"]
     moved = CASE.skin.moved(CASE.skin.vertices + np.where(unseen, 9.0, 1.0)[:, None])

@@ -84,14 +84,18 @@ def test_trunk_length_and_angle_of_the_shoulders() -> None:
 
 
 def test_the_report_names_the_forward_bend_with_its_interval() -> None:
-    """Where it shows most before: T11, 12 to 7 degrees, of patients 7 +- 1.96 * 4.5."""
-    rows = [
-        Measured(state, level, "forward_bend_deg", value)
-        for state, values in (("before", {"T11": -12.0, "L1": 5.0}), ("predicted", {"T11": -7.0, "L1": 9.0}))
-        for level, value in values.items()
-    ]
-    words = bent(MeasureTable(rows))
-    assert "at T11" in words
-    assert "about −7 degrees after −12" in words
-    assert "−16 to 2" in words
+    """Where it shows most before: at T11 left, of patients 7 or 12 +- 1.96 * 4.6; 9 is more than 7 says."""
+
+    def words(after: float, before: float = -20.0) -> str:
+        rows = [
+            Measured(state, level, "forward_bend_deg", value)
+            for state, values in (("before", {"T11": before, "L1": 5.0}), ("predicted", {"T11": after, "L1": 9.0}))
+            for level, value in values.items()
+        ]
+        return bent(MeasureTable(rows))
+
+    assert "at T11 in the forward bend would show about 12° left instead of 20° left" in words(-12.0)
+    assert words(-12.0).endswith(": 21° left to 3.0° left in 95 % of patients.")
+    assert words(-7.0).endswith("about 7.0° left instead of 20° left: 16° left to 2.0° right in 95 % of patients.")
+    assert "would show in the forward bend is not known, 12° left before" in words(-7.0, -12.0)
     assert bent(MeasureTable([])) == ""

@@ -44,7 +44,7 @@ def test_twenty_thousand_vertices_take_less_than_a_megabyte_and_a_half() -> None
             TurningState(f"state {wave}", skin, cloth.reshape(-1, COLUMNS, 3), hump, np.abs(hump) / 20.0)
         )
     colours = random.integers(0, 256, (20_000, 3), np.uint8)
-    packed = turning(states, faces, palette=np.ones((8, 3)), limit=20.0, colours=colours)
+    packed = turning(states, faces, colours=colours)
     assert len(json.dumps(packed.info)) + len(packed.data) + len(script()[0]) < 1.5e6
 
 
@@ -163,9 +163,15 @@ def test_wipe_shows_each_state_on_its_side(page: Page) -> None:
     predicted = picture(page)
     set_to(page, "wipe", slider=50)
     wiped, half = picture(page), before.shape[1] // 2
-    assert np.abs(wiped[60:, : half - 4] - predicted[60:, : half - 4]).mean() < 0.5  # names stand above
-    assert np.abs(wiped[60:, half + 4 :] - before[60:, half + 4 :]).mean() < 0.5
+    assert np.abs(wiped[60:, : half - 4] - before[60:, : half - 4]).mean() < 0.5  # names stand above
+    assert np.abs(wiped[60:, half + 4 :] - predicted[60:, half + 4 :]).mean() < 0.5
     assert np.abs(before - predicted).mean() > 1.0
+    for part, name in (("wiped", "Before surgery"), ("kept", "Predicted")):  # each on the side that it names
+        label = page.locator(f"#turning [data-part={part}]")
+        assert label.inner_text() == name
+        box, stage = not_none(label.bounding_box()), not_none(page.locator("#turning canvas").bounding_box())
+        at = box["x"] + 0.5 * box["width"] - stage["x"]
+        assert (at < 0.5 * stage["width"]) == (name == "Before surgery")
     set_to(page, slider=50)
     assert np.abs(picture(page) - wiped).mean() > 0.5
 

@@ -5,20 +5,28 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from support.known_spine import before_and_after
+from support.known_spine import before_and_after, known_spine
 from support.rrd import column
 from support.small_trunk import boned_case, made_up_increments, small_case
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.io.trunk_file import write_trunk
+from warp_trunk.measures.quantities import Measured, MeasureTable
 from warp_trunk.results import read_result
 from warp_trunk.run import warnings
 from warp_trunk.run.options import Execution, RunOptions
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
-from warp_trunk.run.warnings import curve_warnings, ending_warnings, option_warnings
+from warp_trunk.run.warnings import (
+    alignment_warnings,
+    curve_warnings,
+    ending_warnings,
+    flexibility_warnings,
+    option_warnings,
+)
 
 LAST = made_up_increments(small_case()[1])[-1].relaxation
 
@@ -31,6 +39,59 @@ def test_a_plan_that_enlarges_the_largest_curve_is_warned_of():
     assert text.startswith("The largest curve of the spine grows, from 40 to ")
     assert curve_warnings(bent, before) == []
     assert curve_warnings(before, bent, "bending") == []
+
+
+@pytest.mark.parametrize(
+    ("rows", "begins"),
+    [
+        (
+            [("predicted", "", "trunk_shift_mm", -20.4)],
+            "Balance: the top of the spine ends 20 mm left of the sacrum",
+        ),
+        ([("predicted", "", "trunk_shift_mm", 19.6)], None),
+        (
+            [("before", "", "shoulder_difference_mm", 6.0), ("predicted", "", "shoulder_difference_mm", -7.0)],
+            "Shoulders: the higher one changes, from 6.0 mm right to 7.0 mm left.",
+        ),
+        ([("before", "", "shoulder_difference_mm", 6.0), ("predicted", "", "shoulder_difference_mm", -4.0)], None),
+        (
+            [("before", "T9", "apical_translation_mm", 45.0), ("predicted", "T9", "apical_translation_mm", -6.0)],
+            "Apex T9: goes across the midline, from 45 mm right to 6.0 mm left.",
+        ),
+        (
+            [("before", "T9", "apical_translation_mm", 45.0), ("predicted", "T9", "apical_translation_mm", 6.0)],
+            None,
+        ),
+        (
+            [("predicted", "T5-T12", "kyphosis_deg", 9.0)],
+            "Kyphosis T5 to T12: ends at 9 degrees, 10 to 40 is normal.",
+        ),
+        ([("predicted", "T5-T12", "kyphosis_deg", 41.0)], "Kyphosis T5 to T12: ends at 41 degrees"),
+        ([("predicted", "T5-T12", "kyphosis_deg", 40.0)], None),
+    ],
+)
+def test_an_alignment_that_a_surgeon_avoids_is_warned_of(rows, begins):
+    sentences = alignment_warnings(MeasureTable(Measured(*row) for row in rows))
+    assert len(sentences) == (begins is not None)
+    assert all(text.startswith(begins) for text in sentences)
+
+
+@pytest.mark.parametrize(("corrected", "warned"), [(0.4, False), (0.8, True)])
+def test_a_correction_beyond_the_flexibility_of_bends_is_warned_of(corrected, warned):
+    """The curve of 60 degrees bends out to a half; 5 degrees more are not measured otherwise."""
+
+    def spine(share: float) -> Landmarks:
+        tilts = {"T1": 28.0, "T5": 30.0, "T12": -30.0, "L5": -28.0}
+        return known_spine(to_left={level: share * tilt for level, tilt in tilts.items()})
+
+    case = replace(
+        small_case()[0], landmarks_before=spine(1.0), landmarks_after=spine(1.0 - corrected),
+        bending_left=spine(0.5), bending_right=spine(1.0),
+    )  # fmt: skip
+    sentences = flexibility_warnings(case)
+    assert bool(sentences) == warned
+    assert all(text.startswith("Curve T") and "on the films of side bending to" in text for text in sentences)
+    assert flexibility_warnings(replace(case, bending_left=None, bending_right=None)) == []
 
 
 @pytest.mark.parametrize(

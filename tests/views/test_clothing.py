@@ -6,7 +6,8 @@ import pytest
 from support.meshes import turned_about_z
 from support.phantoms import coarse_phantom
 from warp_trunk.geometry.distance_field import SurfaceDistance
-from warp_trunk.views.clothing import Garment
+from warp_trunk.spine.spine import spine_of
+from warp_trunk.views.clothing import COLUMNS, Garment, _neckline
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +36,15 @@ def test_the_shirt_leaves_the_back_open_and_covers_the_front(garment: Garment) -
     assert shirt[:, 0].min() < spine - 100.0
     assert shirt[:, 0].max() > spine + 100.0
     assert shirt[:, 1].min() < case.skin.vertices[:, 1].min()
+
+
+def test_shoulders_of_few_vertices_still_have_a_neckline() -> None:
+    """The middle of a section lies outside it: no cloth becomes infinite or not a number."""
+    heights, turn = np.arange(0.0, 400.0, 4.0), np.radians(np.arange(COLUMNS) * 360.0 / COLUMNS)
+    reach = np.zeros((len(heights), COLUMNS))
+    with np.errstate(all="raise"):
+        top = _neckline(reach, heights, turn, spine_of(coarse_phantom().landmarks_before))
+    assert np.isfinite(top).all()
 
 
 def test_it_moves_as_the_skin_under_it_does(garment: Garment) -> None:

@@ -15,7 +15,7 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures.quantities import Measured, MeasureTable
 from warp_trunk.report.spine_pictures import DEEP, FACES, WIDE, spine_picture, vertebra_boxes
 from warp_trunk.report.style import BEFORE
-from warp_trunk.views.hump import COLOUR_STEP, hump_palette, side_difference
+from warp_trunk.views.hump import COLOUR_STEP, SCALE_END, hump_colours, hump_palette, side_difference
 from warp_trunk.views.relief import (
     BEHIND,
     FRONT,
@@ -117,9 +117,18 @@ def test_every_view_has_its_sides_where_it_says(landmarks):
 def test_the_scale_is_the_published_one():
     from matplotlib import colormaps
 
-    for limit in (20.0, 50.0):
-        published = colormaps["PuOr_r"](np.linspace(0.0, 1.0, int(2.0 * limit / COLOUR_STEP)))[:, :3]
-        np.testing.assert_allclose(hump_palette(limit), published, atol=0.01)  # of 256 steps
+    place = [0.0, *np.linspace(0.1, 0.9, int(2.0 * SCALE_END / COLOUR_STEP)), 1.0]
+    np.testing.assert_allclose(hump_palette(), colormaps["PuOr_r"](place)[:, :3], atol=0.01)  # of 256 steps
+
+
+def test_what_is_beyond_the_scale_has_a_colour_of_its_own():
+    inside = hump_colours(np.linspace(-39.9, 39.9, 500))
+    for beyond in (-40.1, 40.1, -1000.0, 1000.0):
+        assert np.abs(inside - hump_colours(np.array(beyond))).max(axis=1).min() > 0.1, beyond
+    bright = hump_palette().mean(axis=1)
+    assert (np.diff(bright[:9]) > 0.0).all()  # darker towards both ends, also in grey
+    assert (np.diff(bright[9:]) < 0.0).all()
+    assert (hump_colours(np.array([0.0]))[0] == hump_palette()[9]).all()
 
 
 def test_box_leans_and_turns_as_its_vertebra():

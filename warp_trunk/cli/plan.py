@@ -9,7 +9,7 @@ import tyro
 from tyro.conf import Positional, UseAppendAction
 
 from warp_trunk.bone_motion.articulation import unknown_bones
-from warp_trunk.bone_motion.plan import Plan, plan_surgery, read_plan
+from warp_trunk.bone_motion.plan import Plan, lenke_of, plan_surgery, read_plan
 from warp_trunk.bone_motion.plan.plan_file import check_planned_folder, curve_of_text, write_planned_case
 from warp_trunk.bone_motion.plan.surgery import back_text, surgery_text
 from warp_trunk.case import read_case, read_checked_case
@@ -102,7 +102,8 @@ class PlanCommand:
             surgery = plan_surgery(case, intention if best is None else best.plan)
             with progress.stage("write", f"writing {self.out}"):
                 planned = write_planned_case(self.out, case, surgery)
-            print(surgery_text(surgery))
+            kind = lenke_of(case)
+            print(*([f"Curve type: Lenke {kind}"] if kind else []), surgery_text(surgery), sep="\n")
             for warning in check_motion(case.landmarks_before, planned.planned_landmarks, "the plan"):
                 progress.message(f"warning: {warning}")
             if best is not None:

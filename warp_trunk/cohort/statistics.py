@@ -137,14 +137,14 @@ class Trend:
     """How many points."""
 
 
-def trend(x: Sequence[float | None], y: Sequence[float | None]) -> Trend | None:
+def trend(x: Sequence[float | None], y: Sequence[float | None], least: int = LEAST) -> Trend | None:
     """The line of least squares through the points that have both numbers.
 
     Returns:
-        The line; None for fewer than three points, or where either number never changes.
+        The line; None for fewer than `least` points, or where either number never changes.
     """
     points = np.array([(a, b) for a, b in zip(x, y, strict=True) if a is not None and b is not None], dtype=float)
-    if len(points) < LEAST or (np.ptp(points, axis=0) == 0.0).any():
+    if len(points) < least or (np.ptp(points, axis=0) == 0.0).any():
         return None
     from scipy.stats import linregress  # heavy
 

@@ -1,11 +1,13 @@
 """A server that only this machine reaches, and only its own page: viser as it is would answer anyone."""
 
 import contextlib
+import gzip
 import http
 import io
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.resources import files
 from typing import Any
 
 import viser
@@ -89,6 +91,20 @@ def refusal(request: Request, port: int) -> Response | None:
     return Response(http.HTTPStatus.FORBIDDEN, "Forbidden", headers, body)
 
 
+def _add_names(response: Response) -> None:
+    """Adds to the page what viser leaves out: names of its controls, and words dark enough to read."""
+    packed = response.headers.get("Content-Encoding") == "gzip"
+    page = gzip.decompress(response.body) if packed else response.body
+    script, style = (files("warp_trunk.live").joinpath(name).read_bytes() for name in ("names.js", "contrast.css"))
+    added = b"<style>" + style + b"</style><script>" + script + b"</script></body>"
+    before, end, after = page.rpartition(b"</body>")
+    page = before + added + after if end else page
+    response.body = gzip.compress(page, 1) if packed else page
+    if "Content-Length" in response.headers:
+        del response.headers["Content-Length"]
+    response.headers["Content-Length"] = str(len(response.body))
+
+
 @contextmanager
 def _guarded(port: int) -> Iterator[list[int]]:
     """While the block runs, servers are started with the guard; reports the port of each.
@@ -104,6 +120,8 @@ def _guarded(port: int) -> Iterator[list[int]]:
             response = refusal(request, at) or process_request(connection, request)
             if response is not None:
                 response.headers["Content-Security-Policy"] = POLICY
+                if response.headers.get("Content-Type", "").startswith("text/html"):
+                    _add_names(response)
             return response
 
         started.append(at)

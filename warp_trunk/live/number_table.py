@@ -1,29 +1,34 @@
 """The table that follows the sliders, and the status over it, as HTML of the template `numbers.html`."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
-from warp_trunk.bone_motion.plan import PlannedSurgery
+from warp_trunk.bone_motion.plan import PlannedSurgery, fixed_numbers, plan_words
 from warp_trunk.case import Case
 from warp_trunk.measures import TrunkMeasures
 from warp_trunk.measures.body_part import follow_points
+from warp_trunk.measures.levels import JUDGED
 from warp_trunk.measures.measures import measure_spine
-from warp_trunk.measures.number_text import MISSING, number
-from warp_trunk.measures.quantities import MeasureTable, measured
-from warp_trunk.measures.rows import skin_rows, spine_rows
+from warp_trunk.measures.number_text import MISSING, number, sided
+from warp_trunk.measures.quantities import BEFORE, PREDICTED, QUANTITIES, MeasureTable, measured
+from warp_trunk.measures.rows import MeasureRow, skin_heading, skin_rows, spine_rows
+from warp_trunk.measures.verdicts import NOT_KNOWN, is_known
+from warp_trunk.report import style
 from warp_trunk.report.page import environment
-from warp_trunk.report.style import BEFORE, PLANS
 
 from .session import PlanView
 from .sliders import MotionPlan
 
-_STATES = ("before", "plan", "kept")
+_STATES = (BEFORE, "plan", "kept")
 """States of the table; a kept plan has any title."""
+_STATE_OF = {BEFORE: BEFORE, PREDICTED: "plan"}
+"""The states of the table that have intervals, by those of intervals."""
 WAITING = ": measured when its skin is relaxed"
 """The heading goes on so while it is not."""
-_COLOURS = (BEFORE.colour, PLANS[0].colour, PLANS[1].colour)
+_COLOURS = (style.BEFORE.colour, style.PLANS[0].colour, style.PLANS[1].colour)
 """Of their bars."""
-_MIDDLE, _HALF, _ROW = 135.0, 105.0, 17.0
+_MIDDLE, _HALF, _ROW = 125.0, 92.0, 17.0
 """Where bars of back surface rotation begin, their largest length and the height of a level [px]."""
 
 
@@ -31,13 +36,22 @@ def _html(macro: str, *values: Any) -> str:
     return str(getattr(environment("live", "report").get_template("numbers.html").module, macro)(*values))
 
 
-def status_html(view: PlanView | None, refusal: str, *, planning: bool = False) -> str:
+def status_html(
+    view: PlanView | None, refusal: str, *, planning: bool = False, doing: str = "", invented: bool = False
+) -> str:
     """The status of the view and its distance from the equilibrium, in words, or the reason why nothing is new.
 
     Its height does not change with what it says: the sliders below stay under the hand.
+
+    Args:
+        view: what is shown.
+        refusal: why a newer plan is not possible.
+        planning: whether a newer plan is being found.
+        doing: what a relaxation is at.
+        invented: whether parts of the skin were not measured, which are hatched.
     """
     error = _size(None if view is None else view.error)
-    return _html("status", view, refusal[:1].upper() + refusal[1:], planning, error)
+    return _html("status", view, refusal[:1].upper() + refusal[1:], planning, error, doing, invented)
 
 
 def line_html(text: str) -> str:
@@ -70,24 +84,35 @@ def numbers_html(
     """
     views = [view, *([] if other is None else [other[1]])]
     titles = ["before", "plan", *([] if other is None else [other[0]])]
-    states, numbers = _STATES[: len(titles)], measured(_STATES[0], before)
+    states, numbers = _STATES[: len(titles)], measured(BEFORE, before)
     for state, each in zip(states[1:], views, strict=True):
         if each.measures is not None:
             numbers += measured(state, each.measures, before, of="skin")
         if isinstance(each.surgery, PlannedSurgery):
             spine = measure_spine(each.surgery.landmarks_after)
             numbers += measured(state, spine, before, of="spine")
-    table = MeasureTable(numbers)
-    part = "The back" if before.tangents else "The skin"
-    groups = {part + WAITING * (view.measures is None): skin_rows(table, states)}
+    intervals = [replace(row, state=name) for row in view.intervals if (name := _STATE_OF.get(row.state))]
+    table = MeasureTable(numbers).with_intervals(intervals)
+    plan = view.surgery.plan if isinstance(view.surgery, PlannedSurgery) else None
+    fixed = {} if plan is None else fixed_numbers(plan)
+    groups = {skin_heading(before) + WAITING * (view.measures is None): skin_rows(table, states)}
     groups |= spine_rows(table, before, states)
     rows = _point_rows(case, views)
+
+    def cells(row: MeasureRow) -> list[str]:
+        row = replace(row, fixed=fixed.get((row.quantity.key, row.level), ""))
+        title, was, will, *other = row.cells()
+        return [title, was, will, *([row.interval] if intervals else []), *other]
+
     for heading, group in groups.items():
-        shown = [row.cells() for row in group if row.short or row.values[0] is None]  # what plans are chosen by
+        shown = [cells(row) for row in group if row.short or row.values[0] is None]  # what plans are chosen by
         rows += [[heading], *shown] if shown else []
     levels, colours, bars = _rotation(table, states)
     legend = [(titles[states.index(state)], colour) for state, colour in colours.items()]
-    return _html("numbers", view.warnings, titles, rows, levels, legend, bars)
+    if intervals:
+        titles.insert(2, "19 of 20")
+    words = "" if plan is None else plan_words(plan)
+    return _html("numbers", view.warnings, words, titles, rows, levels, legend, bars)
 
 
 def _point_rows(case: Case, views: Sequence[PlanView]) -> list[list[str]]:
@@ -114,15 +139,18 @@ def _rotation(
     the side that stands further back: x, y, width, height and colour of each."""
     columns = {state: table.values(state, "bsr_deg") for state in states}
     colours = {state: colour for state, colour in zip(states, _COLOURS, strict=False) if columns[state]}
-    angles = [angle for column in columns.values() for angle in column.values() if angle is not None]
+    angles = [a for column in columns.values() for at, a in column.items() if a is not None and at in JUDGED]
     scale, thick = _HALF / max([5.0, *map(abs, angles)]), (_ROW - 4.0) / max(len(colours), 1)
-    shown = columns[[*colours][min(1, len(colours) - 1)]] if colours else {}
+    shown = table.column([*colours][min(1, len(colours) - 1)], "bsr_deg") if colours else {}
     levels, bars = [], []
-    for row, level in enumerate(columns[_STATES[0]]):
+    for row, (level, was) in enumerate(columns[BEFORE].items()):
         turn = shown.get(level)
-        levels.append((level, number(None if turn is None else abs(turn))))
+        missing = turn is None or turn.value is None
+        sure = missing or is_known(QUANTITIES["bsr_deg"], turn, was)
+        levels.append((level, sided(None if turn is None else turn.value) if sure else NOT_KNOWN))
         for place, (state, colour) in enumerate(colours.items()):
             if (angle := columns[state].get(level)) is not None:
-                x, y = _MIDDLE + min(0.0, angle * scale), _ROW * row + 2.0 + place * thick
-                bars.append((x, y, abs(angle) * scale, thick, colour))
+                size = min(abs(angle) * scale, _HALF)  # T1 and T2 set no scale
+                x, y = _MIDDLE - (size if angle < 0.0 else 0.0), _ROW * row + 2.0 + place * thick
+                bars.append((x, y, size, thick, colour))
     return levels, colours, bars

@@ -26,6 +26,8 @@ SEEN_THROUGH = 0.5
 """Opacity of a skin that is seen through."""
 SIDES = {"Behind": (0.0, 1.0), "Left side": (1.0, 0.0), "Front": (0.0, -1.0), "Right side": (-1.0, 0.0)}
 """Directions from which the patient is seen, x and y."""
+MARGIN = 35.0
+"""Of the names of the sides and the bar beside the trunk [mm]."""
 _DISTANCE = 1.75
 """How far away the eye is, in heights of the trunk."""
 BAR = 100.0
@@ -69,6 +71,21 @@ class PageScene:
             "/relief", relief_lines(skin.vertices, skin.faces), INK, thickness=1.2, thickness_units="screen"
         )
         self.relief.visible = case.has_spine  # lines of the back
+        self._unseen = (
+            None if case.unseen is None else case.skin.faces[(case.unseen > 0.5)[case.skin.faces].all(axis=1)]
+        )
+        self._hatch = scene.add_line_segments(
+            "/invented",
+            self._hatched(),
+            INK,
+            thickness=1.5,
+            thickness_units="screen",
+            visible=case.unseen is not None,
+        )
+        self._names = {
+            level: scene.add_label(f"/names/{level}", level, font_screen_scale=0.8, anchor="center-center")
+            for level in (case.landmarks_before.vertebrae() if case.has_spine else ())
+        }
         self._bones = {
             name: scene.add_mesh_simple(f"/bones/{name}", bone.vertices, bone.faces, color=BONE)
             for name, bone in case.bones.items()
@@ -76,6 +93,7 @@ class PageScene:
         low, high = skin.vertices.min(axis=0), skin.vertices.max(axis=0)
         self._add_marks(scene, low, high)
         self._middle, self._height = (low + high) / 2.0, float(high[2] - low[2])
+        self._wide = float(high[0] - low[0]) + 2.0 * MARGIN
         camera = server.initial_camera
         camera.near, camera.far, camera.fov = 10.0, 20.0 * self._height, np.radians(_FIELD)
         camera.position, camera.look_at = self.eye("Behind" if case.has_spine else "Front"), self._middle
@@ -83,19 +101,19 @@ class PageScene:
     def _add_marks(self, scene: viser.SceneApi, low: np.ndarray, high: np.ndarray) -> None:
         """Names of the sides, and an upright bar of `BAR` at the right."""
         deep, beside = (low[1] + high[1]) / 2.0, low[2] + 0.3 * (high[2] - low[2])
-        for text, x in (("left", high[0] + 30.0), ("right", low[0] - 25.0)):
-            scene.add_label(f"/sides/{text}", text, position=(x, deep, beside))
-        x, bottom = low[0] - 60.0, low[2]
+        for text, x in (("left", high[0] + MARGIN), ("right", low[0] - MARGIN)):
+            scene.add_label(f"/sides/{text}", text, position=(x, deep, beside), anchor="center-center")
+        x, bottom = low[0] - MARGIN, low[2]
         ends = np.array([[[x, deep, bottom], [x, deep, bottom + BAR]]], np.float32)
         scene.add_line_segments("/bar", ends, INK, thickness=3.0, thickness_units="screen")
-        scene.add_label("/bar/length", f"{BAR:g} mm", position=(x, deep, bottom + BAR + 12.0))
+        scene.add_label("/bar/length", f"{BAR:g} mm", position=(x, deep, bottom + BAR), anchor="bottom-center")
 
     def show(self, view: PlanView) -> None:
         """Draws the skin and the bones of a view; browsers get all of it at once."""
         with self._server.atomic():
             self.skin.vertices = view.skin.astype(np.float32)
-            self._lines()
             self._settled = view.settled
+            self._lines()
             self._paint()
             self._dress()
             if view.surgery is not self._surgery:
@@ -115,6 +133,11 @@ class PageScene:
         for bone in self._bones.keys() & (planned ^ self._planned):
             self._bones[bone].color = FUSED if bone in planned else BONE
         self._planned = planned
+        spine = self._case.landmarks_before
+        if not self._is_before and not isinstance(view.surgery, MotionPlan):
+            spine = view.surgery.landmarks_after
+        for level, label in self._names.items():
+            label.position = spine.of_bone(level).points.mean(axis=0)
 
     def show_before(self, shown: bool) -> None:
         """Shows the trunk before surgery in place of the plan."""
@@ -133,6 +156,12 @@ class PageScene:
         """Puts on shorts and a shirt that is open behind, or takes them off."""
         for cloth in self._clothes.values():
             cloth.visible = shown
+        self._dress()
+
+    def show_names(self, shown: bool) -> None:
+        """Writes the name of each vertebra on it, or none."""
+        for label in self._names.values():
+            label.visible = shown
 
     def show_relief(self, shown: bool) -> None:
         """Draws lines of equal depth on the back, or none."""
@@ -156,11 +185,16 @@ class PageScene:
         return self._middle + _DISTANCE * self._height * np.array([x, y, 0.08])
 
     def look(self, camera: viser.CameraHandle, side: str) -> None:
-        """Turns one browser's eye to a side."""
+        """Turns one browser's eye to a side, from as far as its window needs."""
         with camera.client.atomic():
-            camera.position = self.eye(side)
+            away = max(1.0, self._wide / (self._height * max(camera.aspect, 0.1)))
+            camera.position = self._middle + away * (self.eye(side) - self._middle)
             camera.look_at = self._middle
             camera.up_direction = (0.0, 0.0, 1.0)
+
+    def stand_back(self, camera: viser.CameraHandle) -> None:
+        """Turns the eye of a browser that has just opened the page to where it begins."""
+        self.look(camera, "Behind" if self._case.has_spine else "Front")
 
     def _paint(self) -> None:
         """Draws the skin, in its own colours once it no longer moves, as these are sent again each time."""
@@ -180,6 +214,18 @@ class PageScene:
             shown = self.before if self._is_before else self.skin
             for name, places in self.garment.on(np.asarray(shown.vertices)).items():
                 self._clothes[name].vertices = places.astype(np.float32)
+        if self._unseen is not None:
+            self._hatch.points = self._hatched()
+
+    def _hatched(self) -> np.ndarray:
+        """The hatch of what was not measured: of the skin, and of the shirt over it."""
+        if self._unseen is None:
+            return np.zeros((1, 2, 3), np.float32)
+        shown = np.asarray((self.before if self._is_before else self.skin).vertices)
+        lines = [hatch_lines(shown, self._unseen)]
+        if (shirt := self._clothes.get("shirt")) is not None and shirt.visible:
+            lines.append(hatch_lines(np.asarray(shirt.vertices), np.asarray(shirt.faces)))
+        return np.concatenate(lines)
 
     def _lines(self) -> None:
         """Draws the lines of what is shown, where lines are."""
@@ -209,6 +255,8 @@ _LIFT = 0.6
 """Distance of lines in front of the skin, so that they are visible [mm]."""
 
 
+HATCH = 14.0
+"""From one line of a hatch to the next, along x and z [mm]."""
 OUTLINE = 15.0
 """From one outline of a compared skin to the next [mm]."""
 
@@ -224,6 +272,22 @@ def outlines(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     corners = np.ascontiguousarray(faces.T)
     cut, level = crossed(np.floor(height).astype(np.int32), corners)
     return _segments(vertices, height, corners[:, cut], (level + 1).astype(height.dtype))
+
+
+def hatch_lines(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Slanting lines `HATCH` apart on some triangles, as ends of segments [mm], shape (segments, 2, 3).
+
+    Args:
+        vertices: of the skin [mm], shape (vertices, 3).
+        faces: the triangles to hatch, shape (faces, 3).
+    """
+    place = (vertices[:, 0] + vertices[:, 2]) / vertices.dtype.type(HATCH)
+    corners = np.ascontiguousarray(faces.T)
+    cut, level = crossed(np.floor(place).astype(np.int32), corners)
+    ends = _segments(vertices, place, corners[:, cut], (level + 1).astype(place.dtype))
+    out = ends[:, :, :2] - vertices[:, :2].mean(axis=0)
+    ends[:, :, :2] += _LIFT * out / np.maximum(np.linalg.norm(out, axis=2, keepdims=True), 1e-6)
+    return ends
 
 
 def outer_first(skin: Surface) -> np.ndarray:

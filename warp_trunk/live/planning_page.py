@@ -9,9 +9,7 @@ from typing import Self
 import viser
 
 from warp_trunk.bone_motion.plan.plan_file import patient_name
-from warp_trunk.case.landmarks import NO_LANDMARKS
 from warp_trunk.errors import InputError
-from warp_trunk.measures import measure
 from warp_trunk.run.patient import PreparedPatient
 
 from .loopback import LoopbackServer
@@ -49,9 +47,6 @@ class Page:
         """The error that ended the page, if there was one."""
         self.saved = SavedPlans(folder, case)
         """The plans that were kept, now and before."""
-        self._before = measure(
-            case.skin, case.landmarks_before if case.has_spine else NO_LANDMARKS, unseen=case.unseen
-        )
         self._drawn: PlanView | None = None
         self._drawing = threading.Lock()
         self._told: Latest[Callable[[], str]] = Latest(PAUSE)
@@ -64,6 +59,7 @@ class Page:
         self.scene = PageScene(self.server, case)
         """The objects that are drawn."""
         gui = self.server.gui
+        self.server.on_client_connect(lambda client: self.scene.stand_back(client.camera))
         gui.main_panel.dock_left()
         self._status = gui.add_html(status_html(None, ""))
         self.controls = Controls(gui, sliders, self.session.ask)
@@ -76,6 +72,10 @@ class Page:
         self._add_looks(gui)
         panel = gui.add_panel()
         with panel.add_tab("Numbers"):
+            hint = "95 % intervals from the errors that case.toml states; some seconds to a minute"
+            self._find = gui.add_button("Compute intervals", hint=hint)
+            self._find.on_click(lambda _: self.session.ask_for_intervals())
+            self._intervals = gui.add_html("")
             self._numbers = gui.add_html("")
         panel.dock_right()
 
@@ -106,6 +106,7 @@ class Page:
                 ("Before surgery", self.scene.show_before, False),
                 ("Skin transparent", self.scene.show_through, True),
                 ("Lines of depth", self.scene.show_relief, self._case.has_spine),
+                ("Names of vertebrae", self.scene.show_names, self._case.has_spine),
             ]
             if self.scene.garment is not None:
                 looks.append(("Clothes", self.scene.show_clothes, True))
@@ -140,12 +141,17 @@ class Page:
         self.server.flush()  # else it waits for the next sixtieth of a second
 
     def _write(self) -> None:
-        view, name = self.session.view, self._other.value
-        self._status.content = status_html(view, self.session.refusal, planning=self.session.planning)
+        session, name = self.session, self._other.value
+        view, invented = session.view, self._case.unseen is not None
+        self._status.content = status_html(
+            view, session.refusal, planning=session.planning, doing=session.doing, invented=invented
+        )
+        self._intervals.content = line_html(session.intervals) if session.intervals else ""
+        self._find.disabled = view is None or bool(session.intervals or view.intervals)
         if view is not None:
             other = self.saved.views.get(name)
             named = None if other is None else (name, other)
-            self._told.put(partial(numbers_html, self._case, self._before, view, named))
+            self._told.put(partial(numbers_html, self._case, session.before, view, named))
 
     def _write_numbers(self) -> None:
         while (numbers := self._told.take()) is not None:

@@ -12,13 +12,15 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from warp_trunk.bone_motion.plan import PlannedSurgery
-from warp_trunk.case.landmarks import NO_LANDMARKS
+from warp_trunk.case import Case
+from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import RigidMotion
-from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures, measure
+from warp_trunk.measures.quantities import BEFORE, PREDICTED, Measured, MeasureTable
+from warp_trunk.measures.skin_quality import skin_quality
 from warp_trunk.run.patient import PreparedPatient, motions_of
-from warp_trunk.run.warnings import curve_warnings
+from warp_trunk.run.warnings import alignment_warnings, curve_warnings, endplate_warnings, flexibility_warnings
 
 from .relaxation import Images, Interrupted, LiveRelaxation, Relaxed
 from .sliders import MotionPlan, Sliders, SliderState
@@ -31,6 +33,8 @@ REST = 0.3
 """Sliders that have not moved for so long [s] are taken to rest: only then is the skin relaxed to the end."""
 PAUSE = 0.1
 """From one skin that is measured to the next [s]: measuring takes its time from planning and drawing."""
+WAITING_FOR_REST = "The intervals are computed when the skin is relaxed to the end."
+COMPUTING = "Computing the intervals; the skin of another plan is relaxed afterwards."
 T = TypeVar("T")
 _log = logging.getLogger("warp_trunk")
 
@@ -115,6 +119,8 @@ class PlanView:
     """Whether it is relaxed to the end."""
     measures: TrunkMeasures | None = None
     """Measures of a relaxed skin; None of an image, and while they are being taken."""
+    intervals: tuple[Measured, ...] = ()
+    """Its numbers with their intervals, and those before surgery; empty until these are computed."""
 
 
 class Session:
@@ -141,6 +147,12 @@ class Session:
         """Why a newer state of the sliders cannot be met, and what is the nearest, in a sentence; else empty."""
         self.planning = False
         """Whether there is a newer state whose plan is not found yet."""
+        self.doing = ""
+        """The part that a relaxation is at, and the reason for it; empty while there is none."""
+        self.intervals = ""
+        """Whether intervals are being computed, or why they are not; empty where neither is so."""
+        self.before = measure(patient.case.skin, before_landmarks(patient.case), unseen=patient.case.unseen)
+        """The measures before surgery."""
         self._patient, self._sliders, self._on_change = patient, sliders, changed
         self._states: Latest[SliderState] = Latest()
         self._jobs: Latest[PlanView] = Latest()
@@ -150,6 +162,7 @@ class Session:
         self._on_gpu = patient.model.device.startswith("cuda")
         self._lock = threading.Lock()
         self._planned: PlanView | None = None
+        self._asked_for_intervals, self._reported = False, 0.0
         works = {"planning": self._plan, "relaxing": self._relax, "measuring": self._measure}
         self._threads = [worker(name, work, report_error) for name, work in works.items()]
 
@@ -181,13 +194,27 @@ class Session:
         if self._planned is not None:
             self._jobs.put(self._planned)  # wakes the solver thread
 
+    def ask_for_intervals(self) -> None:
+        """Asks for the intervals of the plan on the sliders, which are computed when it is relaxed to the end."""
+        with self._lock:
+            self._asked_for_intervals = True
+            self.intervals = WAITING_FOR_REST
+            self._on_change()
+        if self._planned is not None:
+            self._jobs.put(self._planned)  # wakes the solver thread
+
     def _image(self, number: int, state: SliderState, surgery: Any) -> PlanView:
-        warnings = ()
+        warnings, patient = (), self._patient
+        planned = surgery.planned_case(patient.case)
         if isinstance(surgery, PlannedSurgery):
-            curves = curve_warnings(surgery.landmarks_before, surgery.landmarks_after)
-            warnings = (*surgery.warnings, *curves)
-        patient = self._patient
-        motions = motions_of(surgery.planned_case(patient.case), patient.skeleton, patient.options.bones)
+            before, after = surgery.landmarks_before, surgery.landmarks_after
+            warnings = (
+                *surgery.warnings,
+                *curve_warnings(before, after),
+                *endplate_warnings(before, after),
+                *flexibility_warnings(planned),
+            )
+        motions = motions_of(planned, patient.skeleton, patient.options.bones)
         return PlanView(number, state, surgery, motions, *self._images.of(surgery.landmarks_after), warnings)
 
     def _show(self, view: PlanView) -> None:
@@ -208,6 +235,7 @@ class Session:
                 continue
             with self._lock:
                 number = 1 if self._planned is None else self._planned.number + 1
+                self._asked_for_intervals, self.intervals = False, ""
                 self._planned = job = self._image(number, state, surgery)
                 self.planning = self._states.waits
                 if self._on_gpu:  # which relaxes it while its image is drawn; CPU cores would do both later
@@ -222,24 +250,61 @@ class Session:
         first = max(FIRST["cuda" if self._on_gpu else "cpu"], tolerance)
 
         def relaxed_to_the_end() -> Relaxed:
-            return tissue.relax(tolerance, confirm=True, newer=lambda: self._jobs.waits)
+            return tissue.relax(tolerance, confirm=True, newer=lambda: self._jobs.waits, report=self._report)
 
+        at_rest: PlanView | None = None  # the plan whose equilibrium the tissue is at
         while (job := self._jobs.take()) is not None:
-            tissue.go(job.surgery.planned_case(case))
             try:
-                self._learn(job, tissue.relax(first, confirm=False, newer=self._newer_for(DRAG)))
-                tissue.prepare()
-                if not self._jobs.comes(REST):
-                    self._learn(job, relaxed_to_the_end(), settled=True)
+                if job is not at_rest:
+                    at_rest = None
+                    tissue.go(job.surgery.planned_case(case))
+                    newer = self._newer_for(DRAG)
+                    self._learn(job, tissue.relax(first, confirm=False, newer=newer, report=self._report))
                     tissue.prepare()
+                    if not self._jobs.comes(REST):
+                        self._learn(job, relaxed_to_the_end(), settled=True)
+                        at_rest = job
+                        self._find_intervals(tissue, job)
+                        tissue.prepare()
+                else:
+                    self._find_intervals(tissue, job)
                 while self._asides and not self._jobs.waits:
-                    other, pass_on = self._asides[0]
+                    at_rest, (other, pass_on) = None, self._asides[0]
                     tissue.go(other.surgery.planned_case(case))
                     pass_on(self._measured(_relaxed_view(other, relaxed_to_the_end(), settled=True)))
                     self._asides.popleft()
                     tissue.prepare()
             except Interrupted:
                 continue
+            finally:
+                self.doing = ""
+
+    def _report(self, doing: str) -> None:
+        """Shows what a relaxation is at, some times a second."""
+        now = time.monotonic()
+        if now - self._reported > PAUSE:
+            self._reported, self.doing = now, doing
+            with self._lock:
+                self._on_change()
+
+    def _find_intervals(self, tissue: LiveRelaxation, job: PlanView) -> None:
+        """Computes the intervals of the plan at rest, where they are asked for."""
+        if not self._asked_for_intervals:
+            return
+        self._asked_for_intervals = False
+        with self._lock:
+            self.intervals = COMPUTING
+            self._on_change()
+        rows, why = list[Measured](), ""
+        try:
+            rows = tissue.intervals()
+        except InputError as error:
+            why = f"No intervals: {error}."
+        with self._lock:
+            if self.view is not None and self.view.number == job.number:
+                self.intervals = why
+                self.view = replace(self.view, intervals=tuple(rows))
+                self._on_change()
 
     def _newer_for(self, seconds: float) -> Callable[[], bool]:
         """Whether the page ends, or a newer state has waited until so long from now [s]."""
@@ -263,14 +328,25 @@ class Session:
         while (view := self._relaxed.take()) is not None:
             measured = self._measured(view)
             with self._lock:
-                if self.view is view:
-                    self.view = measured
+                shown = self.view
+                if shown is not None and shown.skin is view.skin:
+                    self.view = replace(measured, intervals=shown.intervals)
                     self._on_change()
 
     def _measured(self, view: PlanView) -> PlanView:
-        before, unseen = self._patient.case.skin, self._patient.case.unseen
+        case = self._patient.case
         landmarks = NO_LANDMARKS if isinstance(view.surgery, MotionPlan) else view.surgery.landmarks_after
-        return replace(view, measures=measure(Surface(view.skin, before.faces), landmarks, before, unseen))
+        skin, warnings = case.skin.moved(view.skin), list(view.warnings)
+        measures = measure(skin, landmarks, case.skin, case.unseen)
+        if view.settled:  # as `simulate` warns
+            warnings += alignment_warnings(MeasureTable.of({BEFORE: self.before, PREDICTED: measures}))
+            warnings += skin_quality(case.skin, skin, before_landmarks(case), case.bones).faults
+        return replace(view, measures=measures, warnings=tuple(dict.fromkeys(warnings)))
+
+
+def before_landmarks(case: Case) -> Landmarks:
+    """The landmarks of the spine before surgery; none of a part of the body."""
+    return case.landmarks_before if case.has_spine else NO_LANDMARKS
 
 
 def _relaxed_view(job: PlanView, end: Relaxed, *, settled: bool) -> PlanView:

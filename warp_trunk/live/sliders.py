@@ -1,6 +1,7 @@
 """The sliders of a patient, where they stand first, and the surgery that they ask for: a plan or motions."""
 
 import math
+import re
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -40,6 +41,21 @@ PAUSE = 2.0
 """A slider that rests for so long [s] has been released, as has one when another moves: undo returns to there."""
 MOST_UNDO = 100
 """Number of states of the sliders that can be undone."""
+_MISSED = re.compile(
+    r"plan: curve (?P<apex>\w+): (?P<what>Cobb angle|rotation) after (?P<goal>\S+) degrees cannot be met with "
+    r"what else is asked and kept; the nearest is (?P<nearest>[^;]+); .*"
+)
+"""The refusal of a target of a curve."""
+_WORDS = {
+    "plan: ": "",
+    "kyphosis_T5_T12": "kyphosis T5-T12 of",
+    "lordosis_L1_L5": "lordosis L1-L5 of",
+    "coronal balance": "balance to the side of",
+    "sva_after": "balance to the front of",
+    "'uiv'": "the upper vertebra",
+    "'liv'": "the lower vertebra",
+}
+"""Names of files and their words on the page."""
 _STILL = Motion(transform=((1.0, 0, 0, 0), (0, 1.0, 0, 0), (0, 0, 1.0, 0), (0, 0, 0, 1.0)))
 
 
@@ -188,8 +204,28 @@ class SpineSliders:
         return self.of_plan(self.plan(state))
 
     def of_plan(self, plan: Plan) -> PlannedSurgery:
-        """The surgery that a plan asks for; InputError if the spine cannot meet it."""
-        return self._planner.plan(plan)
+        """The surgery that a plan asks for; InputError, in the words of the page, if the spine cannot meet it."""
+        try:
+            return self._planner.plan(plan)
+        except InputError as error:
+            raise InputError(self._in_words(str(error))) from None
+
+    def _in_words(self, refusal: str) -> str:
+        """A refusal of a plan with the names and shares of the sliders in place of those of files."""
+        if missed := _MISSED.fullmatch(refusal):
+            curve = curve_around(missed["apex"], self._curves.values(), self._levels)
+            of_cobb = missed["what"] == "Cobb angle"
+            whole = None if curve is None else curve.angle if of_cobb else abs(self._rotation[curve.apex] or 0.0)
+            if curve is not None and whole:
+                asked, nearest = (_percent(None, float(missed[name]), whole) for name in ("goal", "nearest"))
+                label = "Correction" if of_cobb else "Derotation"
+                return (
+                    f"{label} {asked} % of the curve {curve.upper}-{curve.lower} cannot be met with what else is "
+                    f"asked and kept; the nearest is {nearest} %; ask for that, or fuse other levels"
+                )
+        for name, words in _WORDS.items():
+            refusal = refusal.replace(name, words)
+        return refusal
 
     def without_effect(self, state: SliderState) -> set[str]:
         """The controls of curves outside the fusion, which follow by themselves."""
@@ -301,6 +337,8 @@ class Controls:
                         handle = gui.add_slider(control.label, *control.span, control.first, hint=control.hint)
                     handle.on_update(self._moved)
                     self._handles[name] = handle
+        self.names = [f"{control.folder}: {control.label}" for control in sliders.controls.values()]
+        """The name of each control for a screen reader."""
         self._undo = gui.add_button("Undo", disabled=True)
         self._undo.on_click(lambda _: self.undo())
         self._enable()

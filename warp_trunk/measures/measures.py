@@ -36,7 +36,7 @@ from .outlines import (
     upper_outline,
     waist_of,
 )
-from .scoliometer import slopes_of
+from .scoliometer import pedicle_turns, scoliometer_on, slopes_of
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
@@ -194,7 +194,7 @@ def measure(
     if line is None:
         return measures
     outlines, missing = outlines_of(skin, spine)
-    seen = None if unseen is None else _seen_points(skin, unseen, outlines, spine)
+    seen = None if unseen is None else seen_points(skin, unseen, outlines, spine)
     tangents = tangents_of(outlines, spine, line.across, seen)
     for level, tangent in tangents.items():
         if tangent is None and seen is not None:
@@ -230,8 +230,8 @@ def _on_seen_skin(
 ) -> TrunkMeasures:
     """The measures without those that lie on skin that was not measured.
 
-    Hump and flanks of a level need all their points on measured skin; waist and shoulders, which are of many
-    places, most of them.
+    Hump, slope and flanks of a level need all their points on measured skin; waist and shoulders, which are of
+    many places, most of them.
 
     Args:
         measures: the measures; the tangents are those of the measured back already.
@@ -241,17 +241,22 @@ def _on_seen_skin(
         pelvis: height of the iliac spines [mm].
     """
     line, missing, humps, flanks = measures.sacral_line, dict(measures.missing), set[str](), set[str]()
-    for level, outline in measures.outlines.items():
+    slopes = dict(measures.slopes)
+    turns = pedicle_turns(measures.spine, line.across) if line is not None else []
+    levels = zip(measures.outlines.items(), measures.spine.centroids, turns, strict=False)
+    for (level, outline), centre, turn in levels:
         if outline is None or line is None:
             continue
+        ends = scoliometer_on(outline, centre[:2], line.across, turn, level)
+        if ends is not None and not seen[level][_nearest(outline, ends)].all():
+            slopes[level] = None
         across = outline @ line.across
         if not seen[level][[across.argmax(), across.argmin()]].all():
             flanks.add(level)
         tangent = measures.tangents.get(level)
         top = None if tangent is None else hump_top(tangent)
-        for place in () if top is None else top[1]:
-            if not seen[level][np.square(outline - place).sum(axis=1).argmin()]:
-                humps.add(level)
+        if top is not None and not seen[level][_nearest(outline, top[1])].all():
+            humps.add(level)
     waist, shoulders = measures.waist, measures.shoulders
     silhouette = None if line is None else silhouette_of(skin, measures.spine, line, pelvis)
     if silhouette is not None and unseen[silhouette.edges].mean() > 0.5:
@@ -259,11 +264,16 @@ def _on_seen_skin(
     upper = None if line is None else upper_outline(skin, measures.spine, line.across)
     if upper is not None and unseen[upper.ends].mean() > 0.5:
         shoulders, missing["shoulders"] = None, INVENTED
-    on_seen_skin = {"waist": waist, "shoulders": shoulders, "missing": missing}
+    on_seen_skin = {"waist": waist, "shoulders": shoulders, "missing": missing, "slopes": slopes}
     return replace(measures, unseen_humps=frozenset(humps), unseen_flanks=frozenset(flanks), **on_seen_skin)
 
 
-def _seen_points(
+def _nearest(outline: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """The points of an outline (n, 2) that are nearest to places (m, 2), as indices, shape (m,)."""
+    return np.square(outline[None] - places[:, None]).sum(axis=2).argmin(axis=1)
+
+
+def seen_points(
     skin: Surface, unseen: np.ndarray, outlines: dict[str, np.ndarray | None], spine: Spine
 ) -> dict[str, np.ndarray]:
     """By level which points of its outline lie nearest to a vertex that a scan showed, bool, shape (points,)."""
@@ -292,7 +302,7 @@ def measure_level(
     row = measures.spine.levels.index(level)
     part = replace(measures.spine, levels=(level,), centroids=measures.spine.centroids[row : row + 1])
     outlines, missing = outlines_of(skin, part)
-    seen = None if unseen is None else _seen_points(skin, unseen, outlines, part)
+    seen = None if unseen is None else seen_points(skin, unseen, outlines, part)
     tangents = tangents_of(outlines, part, measures.sacral_line.across, seen)
     return replace(measures, outlines=outlines, tangents=tangents, missing=measures.missing | missing)
 

@@ -123,7 +123,12 @@ def measure_rows(
         before: the trunk before surgery, whose curves the headings name.
         states: the states to show, before surgery first.
     """
-    return {"The back": skin_rows(table, states)} | spine_rows(table, before, states)
+    return {skin_heading(before): skin_rows(table, states)} | spine_rows(table, before, states)
+
+
+def skin_heading(before: TrunkMeasures) -> str:
+    """The heading of the measures of the skin: a part of the body without a spine has no back."""
+    return "The back" if before.spine.levels else "The skin"
 
 
 def under_headings(
@@ -171,11 +176,7 @@ def rotation_table(
     bands: bool = False,
 ) -> list[list[str]]:
     """The rotation of the back [degrees], a row for each level, with its interval where that is asked for."""
-    predicted, lines = table.column(PREDICTED, "bsr_deg"), []
-    for row in level_rows(table, states):
-        ends = [row.text(end) for end in (predicted[row.level].low, predicted[row.level].high)] if bands else []
-        lines.append([row.level, *cells(row)[1:], *ends])
-    return lines
+    return [[row.level, *cells(row)[1:], *([row.interval] if bands else [])] for row in level_rows(table, states)]
 
 
 def _rows(group: str, table: MeasureTable, states: Sequence[str], *, only_known: bool = True) -> list[MeasureRow]:

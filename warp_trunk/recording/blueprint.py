@@ -10,7 +10,7 @@ from warp_trunk.case import Case
 from warp_trunk.measures import TrunkMeasures
 from warp_trunk.views.clothing import COLOURS
 
-from .colours import SKIN
+from .colours import GROUND, SKIN
 from .numbers import BarPlot
 
 FOV = np.radians(53.0)
@@ -29,42 +29,50 @@ def layout(case: Case, before: TrunkMeasures, *, actual: bool, unit: str) -> Any
         unit: of the energy.
     """
     bones = "spine" if before.bsr else "bones"
-    aim = "Actual, after surgery" if actual else f"Target: the planned {bones}"
+    aim = "Actual, after surgery" if actual else f"The planned {bones}"
     low, high = case.skin.vertices.min(axis=0), case.skin.vertices.max(axis=0)
     eye = _eye(low, high, behind=bool(case.landmarks_before.names))
 
-    def trunk(name: str, when: str, *inside: str, **override: Any) -> Any:
+    def trunk(name: str, when: str, *inside: str, skinned: bool = True, **override: Any) -> Any:
         """A view of its own each time: the viewer wants none in two places. Bones are seen through the skin."""
         skin, contents = f"/{when}/skin", [f"/{when}/{name}" for name in inside]
         if contents:
             override = {"albedo_factor": GLASS, "vertex_colors": SKIN}
         worn = [f"/{when}/{part}" for part in COLOURS] if case.has_spine else []
         return rrb.Spatial3DView(
-            origin="/", name=name, contents=[*contents, skin, *worn, "/sides"], eye_controls=eye, line_grid=False,
+            origin="/",
+            name=name,
+            contents=[*contents, *([skin, *worn] if skinned else []), "/sides"],
+            eye_controls=eye,
+            line_grid=False,
+            background=GROUND,
             overrides={skin: rr.Mesh3D.from_fields(**override)} if override else None,
-        )  # fmt: skip
+        )
 
     third = [trunk(aim, "target")] if actual else []
     scale = rrb.Spatial2DView(
         origin="/scale",
         name="How far the back stands behind its other side" if before.bsr else "Displacement from before surgery",
         visual_bounds=rrb.VisualBounds2D(x_range=(-1300.0, 2300.0), y_range=(-20.0, 84.0)),
+        background=GROUND,
     )
     coloured = rrb.Vertical(
         rrb.Horizontal(
             trunk("Before", "before"),
             trunk("Now", "now"),
             *third,
-            trunk(f"The {bones} now", "now", "bones", "section"),
+            trunk(f"The {bones} now", "now", "bones", "section", "levels"),
         ),
         scale,
         row_shares=[12, 2],
         name="Hump" if before.bsr else "Displacement",
     )
     through = rrb.Horizontal(
-        trunk("Before", "before", "bones", "section"), trunk("Now", "now", "bones", "section"),
-        trunk(aim, "target", "bones"), name=f"{bones.capitalize()} through the skin",
-    )  # fmt: skip
+        trunk("Before", "before", "bones", "section", "levels"),
+        trunk("Now", "now", "bones", "section", "levels"),
+        trunk(aim, "target", "bones", "levels", skinned=actual),  # the skin of the spline is no goal
+        name=f"{bones.capitalize()} through the skin",
+    )
     own = case.skin.colours
     scanned = rrb.Horizontal(
         *(trunk(when.capitalize(), when, vertex_colors=own) for when in ("before", "now")), name="Own colours"
@@ -105,10 +113,12 @@ def _eye(low: np.ndarray, high: np.ndarray, *, behind: bool) -> Any:
 def _section(low: np.ndarray, high: np.ndarray, level: str | None) -> Any:
     middle, wide = -(low[0] + high[0]) / 2.0, 0.95 * (high - low)[0]  # with the labels on either side
     bounds = rrb.VisualBounds2D(x_range=(middle - wide, middle + wide), y_range=(low[1] - 90.0, high[1] + 50.0))
-    return rrb.Spatial2DView(origin="/section", name=f"Section at {level}", visual_bounds=bounds)
+    return rrb.Spatial2DView(
+        origin="/section", name=f"Section at {level}", visual_bounds=bounds, background=GROUND
+    )
 
 
 def _bars(before: TrunkMeasures) -> Any:
     plot = BarPlot(before.bsr)
     bounds = rrb.VisualBounds2D(x_range=(0.0, plot.width), y_range=(-1.0, len(plot.levels) + 4.2))
-    return rrb.Spatial2DView(origin="/bars", name="Rotation of the back", visual_bounds=bounds)
+    return rrb.Spatial2DView(origin="/bars", name="Rotation of the back", visual_bounds=bounds, background=GROUND)

@@ -7,17 +7,20 @@ import numpy as np
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures import TrunkMeasures
-from warp_trunk.views.hump import Painted, hump_on_vertices, hump_palette, painted_difference, scale_limit
+from warp_trunk.views.hump import Painted, hump_colours, hump_on_vertices, painted_difference
 from warp_trunk.views.relief import BEHIND, relief, window
 
-SKIN, BONE = (229, 194, 172), (236, 226, 198)
-GREY, NOW, TARGET = (128, 128, 128), (30, 130, 200), (213, 94, 0)
-"""Grey, blue and vermilion differ for every kind of colour vision."""
-TERMS = (NOW, (0, 158, 115), TARGET, (204, 121, 167), (230, 159, 0), (86, 180, 233))
-"""Of the terms of an energy; their total is grey."""
-TEXT = (125, 125, 125)
-"""Of labels. It and the three above can be read on a dark and on a light ground: the reader chooses the theme."""
+SKIN, BONE, FUSED = (229, 194, 172), (236, 226, 198), (0, 114, 178)
+"""Joined vertebrae are blue, as in the report."""
+GROUND, TEXT = (255, 255, 255), (34, 34, 34)
+"""Of pictures and their labels, as on paper, whatever theme the reader chooses."""
+GREY, NOW, TARGET = (118, 118, 118), (0, 90, 150), (191, 77, 0)
+"""The report's grey, blue and vermilion, with a contrast of 4.5 to 1 to the ground, for every kind of colour
+vision."""
+PLOTTED = ((30, 130, 200), (213, 94, 0), (0, 158, 115), (204, 121, 167), (230, 159, 0), (86, 180, 233))
+"""Of lines in plots, whose ground goes with the reader's theme: rotations, or the terms of an energy."""
+TOTAL = (125, 125, 125)
+"""Of the total energy."""
 _RISING = np.array([(255, 246, 222), (253, 187, 132), (227, 74, 51), (127, 0, 0)])
 """Pale over red to dark red; the lightness falls all the way, for every kind of colour vision."""
 STRIPED, STRIPES = (205, 205, 205), 40.0
@@ -28,28 +31,30 @@ Paint = Callable[[Surface, Landmarks], np.ndarray]
 """The colours of a skin with its landmarks, shape (vertices, 3), uint8."""
 
 
-def hump_paint(case: Case, before: TrunkMeasures) -> tuple[Paint, float]:
-    """The colours of the report's hump, and the end of their scale [mm]."""
+def hump_paint(case: Case) -> Paint:
+    """The colours of the report's hump."""
 
     def differences(skin: Surface, landmarks: Landmarks) -> Painted:
         seen = window([(skin, landmarks)], PIXEL, BEHIND)
         back = relief(skin, landmarks, seen, BEHIND)
         return hump_on_vertices(skin, landmarks, back, seen, painted_difference(back, seen))
 
-    first = difference, part = differences(case.skin, case.landmarks_before)
-    limit = scale_limit([abs(before.max_hump or 0.0), float(np.abs(difference * (part > 0.5)).max())])
-    palette = 255.0 * hump_palette(limit)
+    first = differences(case.skin, case.landmarks_before)
 
     def paint(skin: Surface, landmarks: Landmarks) -> np.ndarray:
         difference, part = first if skin is case.skin else differences(skin, landmarks)
-        step = (len(palette) * np.clip((difference / limit + 1.0) / 2.0, 0.0, 0.999)).astype(int)
-        colours = SKIN + part[:, None] * (palette[step] - SKIN)
+        colours = SKIN + part[:, None] * (255.0 * hump_colours(difference) - SKIN)
         if case.unseen is not None and len(case.unseen) == len(colours):
-            stripe = (skin.vertices[:, [0, 2]].sum(axis=1) % STRIPES < 0.5 * STRIPES)[:, None]
-            colours = np.where(case.unseen[:, None], np.where(stripe, STRIPED, GREY), colours)
+            colours = np.where(case.unseen[:, None] > 0.5, striped(skin.vertices, STRIPED, GREY), colours)
         return np.round(colours).astype(np.uint8)
 
-    return paint, limit
+    return paint
+
+
+def striped(vertices: np.ndarray, *colours: tuple[int, int, int]) -> np.ndarray:
+    """Slanting stripes of two colours on vertices (n, 3) [mm], shape (n, 3): a hatch of what was not measured."""
+    first = vertices[:, [0, 2]].sum(axis=1) % STRIPES < 0.5 * STRIPES
+    return np.where(first[:, None], *colours)
 
 
 def painted(sizes: np.ndarray, most: float) -> np.ndarray:

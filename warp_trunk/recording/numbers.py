@@ -14,7 +14,7 @@ from warp_trunk.measures.number_text import sided
 from warp_trunk.measures.quantities import ACTUAL, BEFORE, Measured, MeasureTable
 from warp_trunk.measures.rows import RESEARCH, as_markdown, measure_rows
 
-from .colours import GREY, NOW, TARGET, TERMS, TEXT
+from .colours import GREY, NOW, PLOTTED, TARGET, TEXT, TOTAL
 
 Angles = Mapping[str, float | None]
 
@@ -74,10 +74,10 @@ class Numbers:
         angles = {state: table.values(state, "bsr_deg") for state in states}
         self._plot = plot = BarPlot(*angles.values())
         self._terms: list[str] = []
-        log("error", rr.SeriesLines(names="error", colors=NOW, widths=2.0), static=True)
+        log("error", rr.SeriesLines(names="error", colors=PLOTTED[0], widths=2.0), static=True)
         self._places = {key: place for key in MAXIMA if (place := table.place(key))}
         if names := [f"at {place}, to the right above 0" for place in self._places.values()]:
-            colours = [NOW, TARGET][: len(names)]
+            colours = list(PLOTTED[: len(names)])
             log("bsr", rr.SeriesLines(names=names, colors=colours, widths=[2.0] * len(names)), static=True)
         log("bars/before", self._bars(angles[BEFORE], GREY, 0), static=True)
         if ACTUAL in angles:
@@ -119,7 +119,7 @@ class Numbers:
         if not self._terms:
             self._terms = [name for name, value in values.items() if value != 0.0 or name == "total"]
             names = [NAMES_OF_TERMS.get(name, name) for name in self._terms]
-            colours = [*TERMS[: len(names) - 1], TEXT]
+            colours = [*PLOTTED[: len(names) - 1], TOTAL]
             self._log(
                 "energy", rr.SeriesLines(names=names, colors=colours, widths=[2.0] * len(names)), static=True
             )

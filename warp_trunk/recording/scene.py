@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
+from warp_trunk.bone_motion.plan import fused_levels, plan_in
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.engine.trunk_mesh import TrunkMesh
@@ -14,9 +15,9 @@ from warp_trunk.measures import TrunkMeasures
 from warp_trunk.measures.number_text import sided
 from warp_trunk.measures.quantities import ACTUAL, MeasureTable
 from warp_trunk.views.clothing import COLOURS, Garment
-from warp_trunk.views.hump import hump_palette
+from warp_trunk.views.hump import SCALE_END, hump_palette
 
-from .colours import BONE, NOW, TEXT, displacement_paint, hump_paint, painted
+from .colours import BONE, FUSED, GREY, NOW, TEXT, displacement_paint, hump_paint, painted, striped
 
 
 class Scene:
@@ -36,15 +37,18 @@ class Scene:
         """
         self._log, self._case, self._trunk, self._level = log, case, trunk, before.worst_level
         if case.has_spine:
-            self._paint, most = hump_paint(case, before)
-            shades = np.round(255.0 * hump_palette(most)).astype(np.uint8)
-            texts = [f"{most:g} mm further forward", "as the other side", f"{most:g} mm further back"]
+            self._paint, shades = hump_paint(case), np.round(255.0 * hump_palette()).astype(np.uint8)
+            texts = [f"over {SCALE_END:g} mm forward", "as the other side", f"over {SCALE_END:g} mm back"]
         else:
             self._paint, shades = displacement_paint(case.skin, most), painted(np.linspace(0.0, 1.0, 100), 1.0)
             texts = [f"{value:.3g} mm" for value in (0.0, most / 2.0, most)]
         self._bone_nodes, bone_faces = np.unique(trunk.bone_faces, return_inverse=True)
         self._bone_faces = bone_faces.reshape(-1, 3).astype(np.uint32)
         self._worn: dict[str, Garment] = {}
+        plan = plan_in(case.plan)
+        self._levels = [*case.landmarks_before.vertebrae()] if case.has_spine else []
+        self._fused = () if plan is None else fused_levels(plan)
+        self._fused_bones = [row for row, name in enumerate(trunk.bone_names) if name in self._fused]
         low, high = self._low, self._high = case.skin.vertices.min(axis=0), case.skin.vertices.max(axis=0)
         log("/", rr.ViewCoordinates.LBU, static=True)
         faces = case.skin.faces.astype(np.uint32)
@@ -65,10 +69,17 @@ class Scene:
         edge = np.column_stack([places, np.zeros_like(places)]).astype(np.float32)
         strips = rr.LineStrips2D(np.stack([edge[:-1], edge[1:]], axis=1), radii=14.0, colors=shades)
         log("scale", strips, static=True)
-        marks = rr.Points2D([[0.0, 16.0], [500.0, 16.0], [1000.0, 16.0]], labels=texts, **labels)
+        at = [[0.0, 16.0], [500.0, 16.0], [1000.0, 16.0]]
+        if case.unseen is not None:
+            at, texts = [*at, [1700.0, 16.0]], [*texts, "striped: not measured"]
+        marks = rr.Points2D(at, labels=texts, **labels)
         log("scale/marks", marks, static=True)  # a label hangs below its point
         for when in ("before", "now", "target"):
-            bones = rr.Mesh3D.from_fields(triangle_indices=self._bone_faces.copy(), albedo_factor=BONE)
+            joined = np.isin(trunk.bone[self._bone_nodes], self._fused_bones) & (when != "before")
+            bones = rr.Mesh3D.from_fields(
+                triangle_indices=self._bone_faces.copy(),
+                vertex_colors=np.where(joined[:, None], FUSED, BONE).astype(np.uint8),
+            )
             log(f"{when}/bones", bones, static=True)
 
     def still(self, when: str, skin: Surface, displacement: np.ndarray, landmarks: np.ndarray) -> None:
@@ -109,8 +120,12 @@ class Scene:
         self._log(f"{when}/skin", mesh, static=static)
         if garment := self._worn.get(when):
             for name, places in garment.on(skin.vertices).items():
-                normals = vertex_normals(Surface(places, garment.faces[name]))
-                cloth = rr.Mesh3D.from_fields(vertex_positions=places.astype(np.float32), vertex_normals=normals)
+                normals, hatched = vertex_normals(Surface(places, garment.faces[name])), None
+                if name == "shirt" and self._case.unseen is not None:  # what it covers was not measured
+                    hatched = striped(places, COLOURS[name], GREY).astype(np.uint8)
+                cloth = rr.Mesh3D.from_fields(
+                    vertex_positions=places.astype(np.float32), vertex_normals=normals, vertex_colors=hatched
+                )
                 self._log(f"{when}/{name}", cloth, static=static)
         moved = (self._trunk.nodes + displacement)[self._bone_nodes].astype(np.float32)
         normals = vertex_normals(Surface(moved, self._bone_faces))
@@ -119,6 +134,12 @@ class Scene:
         points = np.array(landmarks, np.float32)
         marks = rr.Points3D(points, radii=2.5, colors=NOW, labels=list(names), show_labels=False)
         self._log(f"{when}/landmarks", marks, static=static)
+        if self._case.has_spine:
+            spine = Landmarks(self._case.landmarks_before.names, points)
+            middles = np.array([spine.of_bone(level).points.mean(axis=0) for level in self._levels], np.float32)
+            colours = [FUSED if level in self._fused and when != "before" else TEXT for level in self._levels]
+            levels = rr.Points3D(middles, radii=0.0, colors=colours, labels=self._levels, show_labels=True)
+            self._log(f"{when}/levels", levels, static=static)
 
     def section(
         self,

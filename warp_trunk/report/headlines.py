@@ -91,12 +91,16 @@ class Headline:
         return _NAMES[self.key][0].format(level=self.level, ends=self.level.replace("-", " to "))
 
     @property
+    def side(self) -> str:
+        """Its side in words; empty where it has none, or changes it."""
+        words, numbers = _NAMES[self.key][1], (self.before, self.value) if self.is_known else (self.before,)
+        side = next((side_of(number) for number in numbers if round(number)), "")
+        return words.format(side=side) if words and side and not self.changes_side else ""
+
+    @property
     def name(self) -> str:
         """Its name for a patient, with its side where it keeps one."""
-        name, words = self.subject, _NAMES[self.key][1]
-        numbers = (self.before, self.value) if self.is_known else (self.before,)
-        side = next((side_of(number) for number in numbers if round(number)), "")
-        return f"{name}, {words.format(side=side)}" if words and side and not self.changes_side else name
+        return ", ".join(filter(None, (self.subject, self.side)))
 
     @property
     def text(self) -> str:

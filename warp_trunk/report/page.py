@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from importlib.resources import files
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warp_trunk.bone_motion.plan import Plan, fixed_numbers, plan_of_text, plan_words, planned_curves
+from warp_trunk.bone_motion.plan import Plan, fixed_numbers, plan_in, plan_words, planned_curves
 from warp_trunk.engine.simulation import ON_THE_WAY
 from warp_trunk.geometry.surface import corner_areas
 from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.measures import SkinComparison
 from warp_trunk.measures.body_part import FollowedPoint, agreement_rows, profile, swept_volumes
 from warp_trunk.measures.levels import JUDGED
-from warp_trunk.measures.number_text import MISSING, number, value_text
+from warp_trunk.measures.number_text import MISSING, interval_text, number, value_text
 from warp_trunk.measures.quantities import ACTUAL, BEFORE, DETECTABLE, EXACT, PREDICTED, QUANTITIES, MeasureTable
 from warp_trunk.measures.rows import MeasureRow, curve_heading, measure_rows, rotation_table, under_headings
-from warp_trunk.measures.skin_quality import LOOK, STRETCH
+from warp_trunk.measures.skin_quality import LOOK, STRETCH, SkinChange
+from warp_trunk.measures.verdicts import NOT_KNOWN, is_known
 from warp_trunk.results.summary_text import spring_lines
 
 from .headlines import Headline, headlines
@@ -47,6 +47,7 @@ def page(
     comparison: SkinComparison | None,
     drawings: Mapping[str, bytes],
     trunk: Turning,
+    areas: Mapping[str, str],
 ) -> str:
     """The text of the page; all that comes from files is escaped.
 
@@ -56,17 +57,20 @@ def page(
         comparison: of the predicted skin with the actual one, where that is known.
         drawings: by name the pictures that the page shows, as SVG or WebP.
         trunk: the trunk to turn.
+        areas: of the skin that is stretched and folded, in words (`skin_areas`).
     """
     summary, table, plan = result.summary, result.table, plan_of_result(result)
     quality, curves, states = summary.skin_quality, summary.curves[BEFORE], STATES[: len(poses)]
     fixed = {} if plan is None else fixed_numbers(plan)
     shown = headlines(table, curves, fixed)
+    imposed = [warning for warning in summary.warnings if "imposed on straight anatomy" in warning]
+    anatomy = [warning for warning in summary.warnings if warning.startswith("Anatomy: ")]
     return rendered(
         "page.html",
         drawings,
         trunk=trunk,
-        quality=quality,
-        hatched=quality is not None and bool(quality.faults),
+        areas=areas,
+        hatched=quality is not None and bool(quality.faults) and bool(areas["hatched"]),
         stretch=f"{LOOK:g}",
         implausible=f"{STRETCH:g}",
         glance=shown,
@@ -76,16 +80,18 @@ def page(
         planned=planned(table, curves, list(table.column(BEFORE, "bsr_deg")), plan, summary.lenke),
         bent=bent(table),
         fingerprint=result.fingerprint,
+        first_warnings=anatomy if summary.synthetic else [*imposed, *anatomy],  # "no patient" is said once
+        more_warnings=any(warning not in (*imposed, *anatomy) for warning in summary.warnings),
         sheet=sheet_of(result),
         sentences=sentences(table, shown, comparison, summary.bands, plan),
         questions=questions(shown, plan),
         measure_head=measure_head(poses, summary.bands),
         measure_rows=measure_table(result, states, plan),
-        rotation_head=head(poses, "level") + (["19 of 20 between", "and"] if summary.bands else []),
+        rotation_head=head(poses, "level") + (["19 of 20"] if summary.bands else []),
         rotation_rows=rotation_table(table, states, MeasureRow.compared_cells, bands=summary.bands is not None),
         bands=summary.bands,
         band_head=BAND_HEAD,
-        band_rows=band_table(table, summary.bands) if summary.bands else [],
+        band_rows=band_table(table, summary.bands, fixed) if summary.bands else [],
         source_head=SOURCE_HEAD,
         source_rows=source_table(summary.bands, table.place("main_hump_mm") or "") if summary.bands else [],
         comparison=comparison,
@@ -162,8 +168,7 @@ BAND_HEAD = (
     "measure",
     "predicted",
     "± deviation",
-    "19 of 20 between",
-    "and",
+    "19 of 20",
     "plan met exactly: ±",
     "in proportion",
 )
@@ -207,6 +212,30 @@ def measure_table(result: Result, states: Sequence[str], plan: Plan | None) -> l
     return under_headings(groups, cells)
 
 
+def skin_areas(change: SkinChange, visible: Mapping[str, np.ndarray]) -> dict[str, str]:
+    """The areas of the skin that are coloured and hatched, and how much of each is seen in the pictures, in words.
+
+    Args:
+        change: how the skin is stretched and folded.
+        visible: which triangles the picture from behind, and that from the front where there is one, show.
+
+    Returns:
+        The words for `shown`, `stretched` and `folded` skin; `hatched` is empty where no hatch is seen from
+        behind.
+    """
+    seen = np.any([*visible.values()], axis=0)
+
+    def words(part: np.ndarray) -> str:
+        whole, visible_part = (float(change.area @ each) / 100.0 for each in (part, part * seen))
+        if round(visible_part) == round(whole):
+            return f"{whole:.0f} cm²"
+        return f"{whole:.0f} cm², of which {visible_part:.0f} are seen here"
+
+    parts = {"shown": change.stretch > LOOK, "stretched": change.stretch > STRETCH, "folded": change.folded}
+    behind = bool((change.doubtful & visible["behind"]).any())
+    return {name: words(part) for name, part in parts.items()} | {"hatched": "yes" if behind else ""}
+
+
 def in_numbers(shown: Sequence[Headline]) -> str:
     """The headlines in one line, for readers who cannot see the pictures."""
     return "; ".join(f"{line.name}: {line.text}" + (f", {line.word}" if line.word else "") for line in shown)
@@ -220,23 +249,23 @@ def sheet_of(result: Result) -> str:
 
 def plan_of_result(result: Result) -> Plan | None:
     """The plan of a result; None where it has none, or the motions of bones in its place."""
-    if result.plan is None or "uiv" not in result.plan:
-        return None
-    return plan_of_text(result.plan, Path("plan.toml"))
+    return plan_in(result.plan)
 
 
-def band_table(table: MeasureTable, bands: Bands) -> list[list[str]]:
-    """Every number that has an interval: of the skin, then of the planned spine."""
+def band_table(table: MeasureTable, bands: Bands, fixed: Collection[tuple[str, str]] = ()) -> list[list[str]]:
+    """Every number that has an interval, but for those that the plan fixes: of the skin, then of the spine."""
     rows = []
     for quantity in QUANTITIES.values():
         for level, row in table.column(PREDICTED, quantity.key).items():
-            if row.low is None:
+            if row.low is None or (quantity.key, level) in fixed:
                 continue
             met = table.column(EXACT, quantity.key).get(level)
-            value, low, high = (value_text(quantity, end) for end in (row.value, row.low, row.high))
+            is_sure = is_known(quantity, row, table.value(BEFORE, quantity.key, level))
+            value = value_text(quantity, row.value) if is_sure else NOT_KNOWN
             linear = "no" if (quantity.key, level) in bands.nonlinear else "yes" if quantity.of_skin else ""
             title = f"{quantity.label_at(level)} [{quantity.unit}]"
-            rows.append([title, value, number(row.sd), low, high, number(met and met.sd), linear])
+            ends = interval_text(row, sided=quantity.side)
+            rows.append([title, value, number(row.sd), ends, number(met and met.sd), linear])
     return rows
 
 

@@ -109,18 +109,27 @@ def plans_page(
         titles=", ".join(states),
         results=results,
         plans=named,
-        warnings=[f"{title}: {line}" for title, _, result in named for line in result.summary.warnings],
+        warnings=warnings_of({title: result.summary.warnings for title, _, result in named}),
         differs=differences(poses, apart),
         unbanded=listed([title for title, _, result in named if result.effects is None]),
-        numbers_head=["", *states],
+        numbers_head=["measure", *states],
         numbers_rows=numbers_table(groups, table, states, fixed),
-        glance_head=["", *states[1:]],
+        glance_head=["measure", *states[1:]],
         glance_rows=glance_table(table, results[0].measures_before.cobb, states, fixed),
         sheet=" and ".join(dict.fromkeys(map(sheet_of, results))),
         joined=any(plans),
-        apart_head=["", *dict.fromkeys(gap.title for gap in apart)],
+        apart_head=["measure", *dict.fromkeys(gap.title for gap in apart)],
         apart_rows=apart_table(apart),
     )
+
+
+def warnings_of(plans: Mapping[str, Sequence[str]]) -> list[str]:
+    """The warnings of every plan by its title: each once, with the plans that it is of where these are not all."""
+    titles: dict[str, list[str]] = {}
+    for title, lines in plans.items():
+        for line in dict.fromkeys(lines):
+            titles.setdefault(line, []).append(title)
+    return [line if len(of) == len(plans) else f"{listed(of)}: {line}" for line, of in titles.items()]
 
 
 @dataclass(frozen=True)
@@ -208,8 +217,8 @@ def apart_text(apart: Apart) -> str:
     if number(low) == number(high) == "0.0":
         return text
     if low * high > 0.0:
-        ends = [number(end) for end in sorted((abs(low), abs(high)))]
-        return f"{text} ({ends[0]} to {ends[1]})"
+        least, most = sorted((low, high), key=abs)
+        return f"{text} ({number(abs(least))} to {words(most)})"
     return f"{text} ({words(low)} to {words(high)})"
 
 
@@ -256,7 +265,12 @@ def glance_table(
     for place, shown in enumerate(by_plan):
         for line in shown:
             row = lines.setdefault((line.key, line.level), [line.subject, *[MISSING] * len(by_plan)])
-            parts = [line.text, line.word, line.note, f"19 of 20: {line.interval}" if line.interval else ""]
+            parts = [
+                ", ".join(filter(None, (line.text, line.side))),
+                line.word,
+                line.note,
+                f"19 of 20: {line.interval}" if line.interval else "",
+            ]
             row[1 + place] = "; ".join(dict.fromkeys(filter(None, parts)))
     return [*lines.values()]
 
@@ -270,8 +284,8 @@ def differences(poses: Sequence[TrunkState], apart: Sequence[Apart]) -> list[str
     for plan in poses[2:]:
         distance = np.linalg.norm(plan.skin.vertices - first.skin.vertices, axis=1)
         lines.append(
-            f"The predicted skins of {first.look.title} and {plan.look.title} are up to {distance.max():.0f} mm "
-            f"apart, {distance.mean():.0f} mm on average."
+            f"The predicted skins of {first.look.title} and {plan.look.title} are up to "
+            f"{number(distance.max())} mm apart, {number(distance.mean())} mm on average."
         )
     alike = [row.short for title, row in rows.items() if title not in different]
     if alike:

@@ -11,7 +11,11 @@ from matplotlib.figure import Figure
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.engine.simulation import ON_THE_WAY
 from warp_trunk.measures.levels import JUDGED
+from warp_trunk.measures.measures import seen_points
 from warp_trunk.measures.number_text import sided
+from warp_trunk.measures.quantities import QUANTITIES
+from warp_trunk.measures.verdicts import NOT_KNOWN, is_known
+from warp_trunk.spine.spine import spine_of
 from warp_trunk.views.relief import in_pelvis
 
 from .style import FAINT, INK, PREDICTED, TrunkState, new_figure
@@ -104,6 +108,8 @@ def convergence_plot(summary: Summary) -> Figure:
 
 COLUMNS, POINTS = 4, 60
 """Columns of sections, and how many points of an outline are drawn."""
+TICK = np.array([3.5, 3.5])
+"""Half of a line of the hatch on an outline that was not measured [mm]."""
 SCALE = 100.0
 """Length of the bar in the first section [mm]."""
 
@@ -111,6 +117,13 @@ SCALE = 100.0
 def section_plots(poses: Sequence[TrunkState]) -> Figure:
     """All poses over each other at every level, seen from above with the back below, in the pelvis' axes."""
     levels = list(poses[0].measures.tangents)
+    outlines = [
+        {at: tangent and tangent.outline for at, tangent in pose.measures.tangents.items()} for pose in poses
+    ]
+    seen = [
+        {} if pose.unseen is None else seen_points(pose.skin, pose.unseen, outline, spine_of(pose.landmarks))
+        for pose, outline in zip(poses, outlines, strict=True)
+    ]
     rows = -(-len(levels) // COLUMNS)
     height = 1.42 * rows + 0.4
     figure = new_figure(7.6, height)  # a constrained layout of so many axes takes seconds
@@ -121,10 +134,15 @@ def section_plots(poses: Sequence[TrunkState]) -> Figure:
     for axes in grid.flat:
         axes.set_axis_off()
     for axes, level in zip(grid.flat, levels, strict=False):
-        for pose in poses:
+        for pose, of_scan in zip(poses, seen, strict=True):
             tangent = pose.measures.tangents.get(level)
             if tangent is None:
                 continue
+            if (scanned := of_scan.get(level)) is not None:
+                invented = tangent.outline[~scanned]
+                ends = _seen(invented[:: max(1, len(tangent.outline) // POINTS)], pose.landmarks)
+                ticks = np.stack([ends - TICK, ends + TICK, np.full_like(ends, np.nan)], axis=1).reshape(-1, 2)
+                axes.plot(*ticks.T, color=INK, linewidth=0.6, label="hatched: not measured")
             look = pose.look
             every = max(1, len(tangent.outline) // POINTS)
             outline = _seen(np.vstack([tangent.outline[::every], tangent.outline[:1]]), pose.landmarks)
@@ -135,7 +153,7 @@ def section_plots(poses: Sequence[TrunkState]) -> Figure:
             )
             axes.plot(*contact.T, color=look.colour, marker=look.marker, linestyle="", markersize=2.8)
         axes.set_title(level, loc="left", fontsize=9, fontweight="bold", pad=2)
-        axes.set_title(_angles([pose.number("bsr_deg", level) for pose in poses]), loc="right", fontsize=8, pad=2)
+        axes.set_title(_angles(poses, level), loc="right", fontsize=8, pad=2)
         if not axes.lines:
             axes.text(0.5, 0.4, "not measured", transform=axes.transAxes, ha="center", color=FAINT)
         axes.set_aspect("equal")
@@ -159,7 +177,16 @@ def _seen(points: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     return in_pelvis(np.column_stack([points, np.zeros(len(points))]), landmarks)[:, :2]
 
 
-def _angles(angles: Sequence[float | None]) -> str:
-    """Before and predicted, and the actual one in brackets."""
-    before, predicted, *actual = map(sided, angles)
+def _angles(poses: Sequence[TrunkState], level: str) -> str:
+    """The rotation at a level before and predicted, and the actual one in brackets."""
+    rows = [pose.column("bsr_deg").get(level) for pose in poses]
+    was = poses[0].number("bsr_deg", level)
+
+    def text(number: int) -> str:
+        row = rows[number]
+        if row is None or row.value is None or number == 0 or is_known(QUANTITIES["bsr_deg"], row, was):
+            return sided(None if row is None else row.value)
+        return NOT_KNOWN
+
+    before, predicted, *actual = map(text, range(len(rows)))
     return f"{before} → {predicted}" + "".join(f" ({angle})" for angle in actual)

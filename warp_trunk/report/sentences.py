@@ -12,12 +12,12 @@ from warp_trunk.engine.tissue import GRAVITY_LIMITS, RIGIDITY_LIMITS, Tissue
 from warp_trunk.io.records import units_of
 from warp_trunk.measures import SkinComparison
 from warp_trunk.measures.levels import largest_at
+from warp_trunk.measures.number_text import sided
 from warp_trunk.measures.quantities import (
     BEFORE,
     DETECTABLE,
     PREDICTED,
     QUANTITIES,
-    WIDTH,
     Measured,
     MeasureTable,
 )
@@ -139,12 +139,13 @@ def bent(table: MeasureTable) -> str:
     )
     if before is None or before.value is None or after is None or after.value is None:
         return ""
-    sd = BENT_SD if math.isnan(after.sd) else after.sd
-    least, most = (after.value + side * WIDTH * sd for side in (-1.0, 1.0))
-    return minus(
-        f"A scoliometer at {level} in the forward bend would show about {after.value:.0f} degrees after "
-        f"{before.value:.0f}, and in 95 % of patients {least:.0f} to {most:.0f}; the right side is positive."
-    )
+    sd, quantity = BENT_SD if math.isnan(after.sd) else after.sd, QUANTITIES["forward_bend_deg"]
+    row = Measured.with_sd(PREDICTED, after.level, after.quantity, after.value, sd)
+    was, will = (sided(value, "°") for value in (before.value, after.value))
+    likely = f"{sided(row.low, '°')} to {sided(row.high, '°')} in 95 % of patients"
+    if is_known(quantity, row, before.value):
+        return f"A scoliometer at {level} in the forward bend would show about {will} instead of {was}: {likely}."
+    return f"What a scoliometer at {level} would show in the forward bend is not known, {was} before: {likely}."
 
 
 def band_sentence(table: MeasureTable, bands: Bands | None) -> str:

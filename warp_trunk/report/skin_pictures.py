@@ -17,7 +17,7 @@ from warp_trunk.measures.quantities import QUANTITIES, Measured
 from warp_trunk.measures.skin_quality import LOOK, STRETCH, SkinChange
 from warp_trunk.measures.verdicts import NOT_KNOWN, is_known
 from warp_trunk.views.clothing import cloth_surfaces
-from warp_trunk.views.hump import COLOUR_STEP, Painted, hump_palette, scale_limit
+from warp_trunk.views.hump import COLOUR_STEP, SCALE_END, Painted, hump_colours, hump_palette
 from warp_trunk.views.relief import BEHIND, FRONT, Relief, Viewpoint, Window, relief, seen_from, window
 
 from .panels import CLAY, coloured, panels, shaded
@@ -33,6 +33,8 @@ FINE, COARSE = 0.75, 1.0
 """Size of a pixel, and where nothing is measured in the picture [mm]."""
 BUST = 190.0
 """The picture of the shoulders ends this far below T1 [mm]."""
+SHIRT = 2
+"""The material of the shirt in a relief."""
 GREY = np.array([0.62, 0.62, 0.62])
 """Colour of skin that was not measured."""
 STRETCH_STEP = 0.05
@@ -90,12 +92,21 @@ def hatch(axes: Axes, seen: Window, doubtful: np.ndarray) -> None:
 
 
 def hatch_invented(
-    plots: Sequence[Axes], poses: Sequence[TrunkState], reliefs: Sequence[Relief], seen: Window
+    plots: Sequence[Axes],
+    poses: Sequence[TrunkState],
+    reliefs: Sequence[Relief],
+    seen: Window,
+    view: Viewpoint = BEHIND,
 ) -> None:
-    """Hatch the skin of every pose that was not measured."""
+    """Hatch what was not measured of every pose: its skin, and the shirt where that covers such skin."""
     for axes, pose, look in zip(plots, poses, reliefs, strict=False):
-        if pose.unseen is not None:
-            hatch(axes, seen, np.where(look.cloth == 0, np.nan_to_num(look.values(pose.unseen)), 0.0))
+        if pose.unseen is None:
+            continue
+        invented = np.nan_to_num(look.values(pose.unseen))
+        if pose.worn is not None and (look.cloth == SHIRT).any():
+            bare = relief(pose.worn.skin, pose.landmarks, seen, view)
+            invented = np.where(look.cloth == SHIRT, np.nan_to_num(bare.values(pose.unseen)), invented)
+        hatch(axes, seen, invented)
 
 
 def lines(axes: Axes, seen: Window, values: np.ma.MaskedArray, levels: Sequence[float], style: str) -> None:
@@ -108,8 +119,6 @@ def plain_picture(
     poses: Sequence[TrunkState], view: Viewpoint, lowest: float = -np.inf, wear: Wear = "shirt"
 ) -> tuple[Figure, list[Axes]]:
     """Every pose from one side, above a height [mm], dressed and in the colours of its scan; and the panels."""
-    if any(pose.unseen is not None for pose in poses):
-        wear = "shorts"  # so that grey shows what was not measured
     seen, reliefs = looks(poses, view, lowest=lowest, wear=wear)
     headings = [pose.look.heading for pose in poses]
     images = []
@@ -120,7 +129,7 @@ def plain_picture(
         part = None if unseen is None else np.nan_to_num(look.values(unseen))
         images.append(shaded(look, GREY, part, skin))
     figure, plots = panels(headings, seen.extent, view, images)
-    hatch_invented(plots, poses, reliefs, seen)
+    hatch_invented(plots, poses, reliefs, seen, view)
     return figure, plots
 
 
@@ -135,13 +144,14 @@ def shoulders_picture(poses: Sequence[TrunkState]) -> Figure | None:
         shoulders, colour = pose.measures.shoulders, pose.look.colour
         if shoulders is None:
             continue
-        for height, sign in ((shoulders.right, 1.0), (shoulders.left, -1.0)):  # the right side is on the left
+        row, was = pose.main("shoulder_difference_mm"), poses[0].number("shoulder_difference_mm")
+        is_sure = is_known(QUANTITIES["shoulder_difference_mm"], row, was)
+        for height, sign in ((shoulders.right, 1.0), (shoulders.left, -1.0)) if is_sure else ():
             outer, inner = x + sign * shoulders.outer, x + sign * shoulders.inner
             axes.plot([outer, inner], [z + height] * 2, color=colour, linewidth=2.2)
             axes.plot([inner, x], [z + height] * 2, color=colour, linewidth=0.8, linestyle=":")
-        row, was = pose.main("shoulder_difference_mm"), poses[0].number("shoulder_difference_mm")
         difference, words = pose.number("shoulder_difference_mm") or 0.0, "level"
-        if not is_known(QUANTITIES["shoulder_difference_mm"], row, was):
+        if not is_sure:
             words = f"difference\n{NOT_KNOWN}"
         elif abs(difference) >= 0.5:
             side = "right" if difference > 0.0 else "left"
@@ -150,15 +160,18 @@ def shoulders_picture(poses: Sequence[TrunkState]) -> Figure | None:
     return figure
 
 
-def stretch_picture(pose: TrunkState, change: SkinChange, view: Viewpoint) -> Figure:
-    """The predicted skin from one side, coloured where it is stretched by more than `LOOK`.
+def stretch_picture(pose: TrunkState, change: SkinChange, view: Viewpoint) -> tuple[Figure, np.ndarray]:
+    """The predicted skin from one side, coloured where it is stretched to more than `LOOK` times its length.
 
-    What is stretched by more than `STRETCH` or sharply folded is hatched.
+    What is stretched to more than `STRETCH` or sharply folded is hatched.
 
     Args:
         pose: the prediction.
         change: how its triangles are stretched and folded.
         view: from where it is seen.
+
+    Returns:
+        The picture, and which triangles of the skin are seen in it, bool, shape (faces,).
     """
     seen, (skin,) = looks([pose], view)
     stretch, doubtful = (
@@ -171,8 +184,10 @@ def stretch_picture(pose: TrunkState, change: SkinChange, view: Viewpoint) -> Fi
         colours="YlOrRd", norm=norm, label="length over that before", ticks=[1.25, STRETCH, 1.45],
     )  # fmt: skip
     hatch(axes, seen, doubtful)
-    hatch_invented([axes], [pose], [skin], seen)
-    return figure
+    hatch_invented([axes], [pose], [skin], seen, view)
+    visible = np.zeros(len(pose.skin.vertices), bool)
+    visible[skin.corners[np.isfinite(skin.weights)]] = True
+    return figure, np.all(visible[pose.skin.faces], axis=1, out=np.empty(len(pose.skin.faces), bool))
 
 
 def at_vertices(skin: Surface, values: np.ndarray) -> np.ndarray:
@@ -212,12 +227,6 @@ def values_picture(
     return coloured(pose, seen, view, skin, shown, part, colours=colours, norm=norm, label=label)[0]
 
 
-def hump_limit(poses: Sequence[TrunkState], painted: Sequence[Painted]) -> float:
-    """Where the scale of the hump ends that holds all poses [mm]."""
-    largest = [float(np.nanmax(np.where(part > 0.5, abs(difference), 0.0))) for difference, part in painted]
-    return scale_limit([*largest, *(abs(row.value or 0.0) for pose in poses for row in humps_of(pose))])
-
-
 def humps_of(pose: TrunkState) -> list[Measured]:
     """The humps that are ringed: where the hump is largest before surgery, and where it is larger now."""
     rows = pose.main("main_hump_mm"), pose.table.elsewhere(pose.look.state, "main_hump_mm")
@@ -229,28 +238,27 @@ def hump_picture(
     reliefs: Sequence[Relief],
     painted: Sequence[Painted],
     seen: Window,
-    limit: float,
 ) -> Figure:
     """Every pose coloured by how far each place stands behind the other side of the back, with its spine. The two
-    places of a hump are ringed (`humps_of`). The scale ends at `limit` [mm]."""
-    bounds, palette = np.arange(-limit, limit + COLOUR_STEP, COLOUR_STEP), hump_palette(limit)
-    colours, norm = ListedColormap(palette), BoundaryNorm(bounds, len(palette))
+    places of a hump are ringed (`humps_of`)."""
+    bounds, palette = np.arange(-SCALE_END, SCALE_END + COLOUR_STEP, COLOUR_STEP), hump_palette()
     images = [
-        shaded(back, colours(norm(np.nan_to_num(difference)))[:, :, :3], part * np.isfinite(difference))
+        shaded(back, hump_colours(np.nan_to_num(difference)), part * np.isfinite(difference))
         for back, (difference, part) in zip(reliefs, painted, strict=True)
     ]
     figure, plots = panels([pose.look.heading for pose in poses], seen.extent, BEHIND, images, legend=0.95)
     for axes, pose, back, (difference, part) in zip(plots[:-1], poses, reliefs, painted, strict=True):
         compared = np.ma.masked_where(~((part > 0.5) & np.isfinite(difference)), np.nan_to_num(difference))
-        steps = np.arange(10.0, limit, 10.0)
+        steps = np.arange(LINE_STEP, SCALE_END + LINE_STEP, LINE_STEP)
         lines(axes, seen, compared, steps.tolist(), "solid")
         lines(axes, seen, compared, (-steps[::-1]).tolist(), "dashed")
         axes.plot(*back.spine.T, "o-", color=INK, markersize=1.8, linewidth=0.7)
         for hump in humps_of(pose):
             _ring(axes, pose, back, hump, poses[0].number("hump_mm", hump.level))
     hatch_invented(plots, poses, reliefs, seen)
-    ticks = np.arange(-limit, limit + 1.0, 10.0 if limit <= 40.0 else 20.0)
-    bar = figure.colorbar(ScalarMappable(norm, colours), cax=plots[-1], orientation="horizontal", ticks=ticks)
+    ticks = np.arange(-SCALE_END, SCALE_END + LINE_STEP, LINE_STEP)
+    scale = ScalarMappable(BoundaryNorm(bounds, len(palette), extend="both"), ListedColormap(palette))
+    bar = figure.colorbar(scale, cax=plots[-1], orientation="horizontal", ticks=ticks)
     bar.ax.set_xlabel("difference from the other side of the back [mm]", fontsize=8.5)
     for x, ha, words in ((0.0, "left", "purple, dashed: further forward"), (1.0, "right", "orange: further back")):
         bar.ax.text(x, 1.35, words, transform=bar.ax.transAxes, ha=ha, va="bottom", fontsize=8.5)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
     from matplotlib.figure import Figure
 
-INK, FAINT = "#222222", "#888888"
+INK, FAINT = "#222222", "#6e6e6e"
 RC: dict[Any, Any] = {
     "font.size": 9.0,
     "text.color": INK,
@@ -66,16 +66,16 @@ class Look:
         return self.title[:1].upper() + self.title[1:]
 
 
-BEFORE = Look("before surgery", "#9a9a9a", "o", "--", "before surgery", quantities.BEFORE)
+BEFORE = Look("before surgery", "#767676", "o", "--", "before surgery", quantities.BEFORE)
 PREDICTED = Look("predicted", "#005a96", "s", "-")
 BETTER = Look(quantities.BETTER, "#005a96", "s", "-")
 WORSE = Look(quantities.WORSE, "#005a96", "s", "-")
-ACTUAL = Look("actual, after surgery", "#d55e00", "^", ":", state=quantities.ACTUAL)
+ACTUAL = Look("actual, after surgery", "#bf4d00", "^", ":", state=quantities.ACTUAL)
 PLANS = (
     Look("plan A", "#005a96", "s", "-", "plan A"),
-    Look("plan B", "#d55e00", "^", "-", "plan B"),
+    Look("plan B", "#bf4d00", "^", "-", "plan B"),
     Look("plan C", "#004d38", "D", "-", "plan C"),
-    Look("plan D", "#e6a817", "v", "-", "plan D"),
+    Look("plan D", "#c28a00", "v", "-", "plan D"),
 )
 """Most plans in a comparison; more are hard to compare."""
 

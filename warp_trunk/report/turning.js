@@ -89,8 +89,9 @@
       float seen = 1.0;
       if (material == 0) {
         base = own;
-        int step = int(clamp((hump.x / limit + 1.0) * 0.5, 0.0, 0.999) * float(palette.length()));
-        base = mix(base, palette[step], showHump * hump.y);
+        int last = palette.length() - 1;  // the first and the last colour lie beyond the scale
+        int step = int(floor((hump.x / limit + 1.0) * 0.5 * float(last - 1))) + 1;
+        base = mix(base, palette[clamp(step, 0, last)], showHump * hump.y);
         if (edge > 0.5) base = vec3(0.62);
       } else {
         base = material == 1 ? vec3(0.36, 0.42, 0.48) : vec3(0.62, 0.71, 0.78);
@@ -145,6 +146,11 @@
   gl.uniform1i(uniform('invented'), info.invented ? 1 : 0);
 
   // Patient axes: +x left, +y back, +z up. Yaw 0 is seen from behind, a quarter more from the patient's right.
+  const shades = [];  // of the scale, in equal parts
+  for (let i = 0; i < info.palette.length; i += 3)
+    shades.push(`rgb(${info.palette.slice(i, i + 3).map(c => Math.round(255 * c))}) 0 ${100 * (i + 3) / info.palette.length}%`);
+  at('scale').style.background = `linear-gradient(to right, ${shades})`;
+
   const view = {yaw: 0, pitch: 0}, look = {hump: false, shirt: false, bare: false, wipe: false, own: true};
   const slider = at('slider'), ends = [at('from'), at('to')];
   const chosen = end => end.value === undefined ? +end.dataset.state : +end.value;
@@ -191,13 +197,13 @@
     gl.uniform1i(uniform('whole'), look.shirt ? 1 : 0);
     gl.uniform1f(uniform('showHump'), look.hump ? 1 : 0);
     const blend = slider.value / slider.max, [from, to] = ends.map(chosen);
-    if (look.wipe) {
+    if (look.wipe) {  // under the handle: what stands on the left of the slider on its left
       const edge = Math.round(blend * wide);
       gl.enable(gl.SCISSOR_TEST);
       gl.scissor(0, 0, edge, tall);
-      drawTrunk(1, from, to);
-      gl.scissor(edge, 0, wide - edge, tall);
       drawTrunk(0, from, to);
+      gl.scissor(edge, 0, wide - edge, tall);
+      drawTrunk(1, from, to);
       gl.scissor(edge - ratio, 0, 2 * ratio, tall);
       gl.clearColor(0.1, 0.1, 0.1, 1);
       gl.clear(gl.COLOR_BUFFER_BIT);
@@ -206,12 +212,16 @@
     const names = [from, to].map(n => info.states[n]), [left, right, seen] = side();
     at('left').textContent = left;
     at('right').textContent = right;
-    at('wiped').textContent = look.wipe ? names[1] : '';
-    at('kept').textContent = look.wipe ? names[0] : '';
+    at('wiped').textContent = look.wipe && blend > 0 ? names[0] : '';
+    at('kept').textContent = look.wipe && blend < 1 ? names[1] : '';
+    at('key').hidden = !look.hump;
+    at('hides').textContent = look.shirt && !look.bare ? 'The close shirt hides these colours.' : '';
     at('bar').style.width = 100 * pixels / ratio + 'px';
     const shown = look.wipe || (blend > 0 && blend < 1) ? names[0] + ' and ' + names[1] : names[+(blend > 0.5)];
     canvas.setAttribute('aria-label', 'The trunk, ' + shown + ', seen from ' + seen);
-    slider.setAttribute('aria-valuetext', Math.round(100 * blend) + ' % of the way to: ' + names[1]);
+    slider.setAttribute('aria-valuetext', look.wipe
+      ? names[0] + ' on the left ' + Math.round(100 * blend) + ' % of the picture, ' + names[1] + ' on the right'
+      : Math.round(100 * blend) + ' % of the way to: ' + names[1]);
     for (const button of root.querySelectorAll('[data-yaw]'))
       button.setAttribute('aria-pressed', Math.abs(Math.sin((view.yaw - button.dataset.yaw) / 2)) < 1e-3
         && Math.abs(view.pitch - button.dataset.pitch) < 1e-3);
@@ -249,7 +259,11 @@
     button.addEventListener('click', () => { view.yaw = +button.dataset.yaw; view.pitch = +button.dataset.pitch; show(); });
   for (const box of root.querySelectorAll('[data-look]')) {
     look[box.dataset.look] = box.checked;
-    box.addEventListener('change', () => { look[box.dataset.look] = box.checked; show(); });
+    box.addEventListener('change', () => {
+      look[box.dataset.look] = box.checked;
+      if (box.dataset.look === 'wipe') slider.value = box.checked ? slider.max / 2 : 0;
+      show();
+    });
   }
   for (const control of [slider, ...ends]) control.addEventListener('input', show);
   canvas.addEventListener('webglcontextlost', () => { root.hidden = true; });

@@ -19,6 +19,7 @@ import numpy as np
 
 from warp_trunk.geometry.surface import directed_edges
 from warp_trunk.views.clothing import SHORTS_FACES, cloth_faces, open_back
+from warp_trunk.views.hump import SCALE_END, hump_palette
 
 ROUNDED_TO = 0.04
 """Places are rounded to this [mm]."""
@@ -56,8 +57,6 @@ def turning(
     states: Sequence[TurningState],
     faces: np.ndarray,
     *,
-    palette: np.ndarray,
-    limit: float,
     colours: np.ndarray | None = None,
     unseen: np.ndarray | None = None,
     bare: bool = False,
@@ -67,8 +66,6 @@ def turning(
     Args:
         states: the first is blended into any other.
         faces: triangles of the skin, shape (faces, 3).
-        palette: colours of the hump from -limit to limit, 0 to 1, shape (steps, 3).
-        limit: end of the scale of the hump [mm].
         colours: of each vertex of the skin, uint8, shape (vertices, 3); grey when left out.
         unseen: 1 for each vertex that was not measured, which is hatched, shape (vertices,); None where all were.
         bare: whether the page offers to take the clothes off.
@@ -104,8 +101,8 @@ def turning(
         "step": ROUNDED_TO,
         "middle": np.round((high - low) / 2.0, 2).tolist(),
         "size": np.round(high - low, 2).tolist(),
-        "palette": np.round(palette, 4).ravel().tolist(),
-        "limit": limit,
+        "palette": np.round(hump_palette(), 4).ravel().tolist(),
+        "limit": SCALE_END,
         "coloured": colours is not None,
         "invented": unseen is not None,
     }

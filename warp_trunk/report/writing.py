@@ -23,16 +23,16 @@ from warp_trunk.measures.body_part import agreement
 from warp_trunk.measures.quantities import LIKELY, QUANTITIES, Measured, MeasureTable, measured
 from warp_trunk.measures.skin_quality import skin_change
 from warp_trunk.measures.verdicts import is_known
-from warp_trunk.views.hump import hump_on_vertices, hump_palette, painted_difference
+from warp_trunk.views.hump import hump_on_vertices, painted_difference
 from warp_trunk.views.relief import BEHIND, FRONT, RIGHT, in_pelvis
 
 from . import skin_pictures as skins
 from .dressing import dressed
-from .page import page, part_page, plan_of_result
+from .page import page, part_page, plan_of_result, skin_areas
 from .part_pictures import change_sections, changed_views, frame_of
 from .plans import check_plans, plan_poses, plans_page, plans_table
 from .plots import convergence_plot, rotation_plot, section_plots
-from .skin_pictures import hump_limit, hump_picture
+from .skin_pictures import hump_picture
 from .spine_pictures import spine_picture
 from .style import ACTUAL, BEFORE, BETTER, PREDICTED, RC, WORSE, TrunkState, embedded, file_of
 from .turning import Turning, TurningState, turning
@@ -88,6 +88,9 @@ def _whole(result: Result, folder: Path, bare: bool) -> str:
     if result.effects is not None and hump is not None and sure and result.converged:
         more = _likely(poses, result, result.effects.likely_worse, hump)
     figures, trunk = _backs(poses, doubtful, more, bare=bare)
+    views = {"behind": BEHIND} | ({"front": FRONT} if bare and result.unseen is None else {})
+    stretched = {name: skins.stretch_picture(poses[1], change, view) for name, view in views.items()}
+    visible = {name: seen for name, (_, seen) in stretched.items()}
     fused = [(), () if plan is None else fused_levels(plan)]
     figures |= {
         "front": skins.plain_picture(poses, FRONT)[0],
@@ -97,10 +100,7 @@ def _whole(result: Result, folder: Path, bare: bool) -> str:
         "spine_side": spine_picture(poses[:2], RIGHT, fused),
         "rotation": rotation_plot(poses),
         "sure": skins.sure_picture(poses[1], result.skin_sd),
-        "stretch_behind": skins.stretch_picture(poses[1], change, BEHIND),
-        "stretch_front": skins.stretch_picture(poses[1], change, FRONT)
-        if bare and result.unseen is None
-        else None,
+        **{f"stretch_{name}": figure for name, (figure, _) in stretched.items()},
         "sections": section_plots(poses),
         "convergence": convergence_plot(summary),
     }
@@ -109,7 +109,7 @@ def _whole(result: Result, folder: Path, bare: bool) -> str:
     if bare:
         figures["bare_front"] = skins.plain_picture(poses, FRONT, wear="nothing")[0]
         figures["bare_side"] = skins.plain_picture(poses, RIGHT, wear="nothing")[0]
-    return page(result, poses, comparison, _drawn(figures, folder), trunk)
+    return page(result, poses, comparison, _drawn(figures, folder), trunk, skin_areas(change, visible))
 
 
 def _likely(poses: Sequence[TrunkState], result: Result, worse: np.ndarray, hump: Measured) -> list[TrunkState]:
@@ -224,7 +224,7 @@ def _backs(
     every, first = dressed([*poses, *likely]), poses[0].skin
     seen, reliefs = skins.looks(every, pixel=skins.FINE)
     painted = [painted_difference(back, seen) for back in reliefs]
-    limit, states = hump_limit(every, painted), []
+    states = []
     for pose, back, values in zip(every, reliefs, painted, strict=True):
         if pose.worn is not None and np.array_equal(pose.skin.faces, first.faces):
             skin, cloth = pose.worn.skin, in_pelvis(pose.worn.cloth.reshape(-1, 3), pose.landmarks)
@@ -234,8 +234,6 @@ def _backs(
     trunk = turning(
         states,
         first.faces,
-        palette=hump_palette(limit),
-        limit=limit,
         colours=first.colours,
         unseen=poses[0].unseen,
         bare=bare,
@@ -243,7 +241,7 @@ def _backs(
 
     def humps(rows: Sequence[int]) -> Figure:
         shown = [every[row] for row in rows]
-        return hump_picture(shown, [reliefs[row] for row in rows], [painted[row] for row in rows], seen, limit)
+        return hump_picture(shown, [reliefs[row] for row in rows], [painted[row] for row in rows], seen)
 
     own = len(poses)
     figures: dict[str, Figure | None] = {

@@ -46,7 +46,7 @@ def plain(result: Result, name: str = "") -> str:
         lines += ["", f"{of}Rotation of the back (BSR) at every vertebra, with the side that stands further back"]
         bands = any(row.low is not None for row in result.table.column(PREDICTED, "bsr_deg").values())
         states = [BEFORE, PREDICTED, *([ACTUAL] if summary.has_actual else [])]
-        head = ["level [°]", *states, *(["19 of 20 between", "and"] if bands else [])]
+        head = ["level [°]", *states, *(["19 of 20"] if bands else [])]
         lines.append(as_text(head, rotation_table(result.table, states, bands=bands)))
     files = sorted(path.name for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
     return "\n".join([*lines, "", f"{of}Written to {seen_from_here(folder)}: {', '.join(files)}", RESEARCH])

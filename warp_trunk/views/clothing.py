@@ -142,7 +142,7 @@ def _neckline(reach: np.ndarray, heights: np.ndarray, turn: np.ndarray, spine: S
     beside, behind = np.cos(turn), np.sin(turn)
     clamp = neck + _NECK - _FRONT * np.maximum(-behind, 0.0) ** 2 - _BEHIND * np.maximum(behind, 0.0) ** 2
     wide = reach[np.argmin(np.abs(heights - (neck - 30.0)))]
-    half = _STRAP * 0.5 * (wide[0] + wide[len(wide) // 2])
+    half = max(_STRAP * 0.5 * (wide[0] + wide[len(wide) // 2]), _STEP)  # few vertices may leave the middle outside
     ring = 1.0 / np.sqrt((beside / half) ** 2 + (behind / (0.5 * half)) ** 2)
     inside = (reach >= ring) & (heights[:, None] <= clamp)
     return heights[len(heights) - 1 - np.argmax(inside[::-1], axis=0)]

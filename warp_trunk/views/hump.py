@@ -1,7 +1,5 @@
 """How far each place of the back stands behind the other side, and its colours."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from warp_trunk.case.landmarks import Landmarks
@@ -11,8 +9,8 @@ from .relief import BEHIND, Relief, Window, seen_from
 
 COLOUR_STEP = 5.0
 """Difference between two colours of the hump [mm]."""
-LEAST_LIMIT = 20.0
-"""Least end of the scale [mm]."""
+SCALE_END = 40.0
+"""Either end of the scale on every page and in every recording [mm]; beyond it places have one colour more."""
 FLANK, BACK = 0.6, 0.8
 """Where the skin faces back by less than the first it is flank, and not compared with the other side; by
 more than the second it is back. Cosines of 53 and 37 degrees."""
@@ -73,16 +71,19 @@ def _between_columns(values: np.ndarray, column: np.ndarray) -> np.ndarray:
     return np.where(inside, (1.0 - part) * values[row, left] + part * values[row, left + 1], np.nan)
 
 
-def scale_limit(sizes: Sequence[float]) -> float:
-    """Where a scale ends that holds all sizes [mm], at a whole ten."""
-    return 10.0 * float(np.ceil(max([LEAST_LIMIT, *sizes]) / 10.0))
-
-
-def hump_palette(limit: float) -> np.ndarray:
-    """The colours of the steps of the scale, from its lower end, shape (steps, 3)."""
-    steps, anchors = int(2.0 * limit / COLOUR_STEP), np.linspace(0.0, 1.0, len(PURPLE_ORANGE))
-    place = np.linspace(0.0, 1.0, steps)
+def hump_palette() -> np.ndarray:
+    """Colours of what lies below the scale, of its steps from the lower end and of what lies above it, 0 to 1,
+    shape (steps + 2, 3)."""
+    steps, anchors = int(2.0 * SCALE_END / COLOUR_STEP), np.linspace(0.0, 1.0, len(PURPLE_ORANGE))
+    place = [0.0, *np.linspace(anchors[1], anchors[-2], steps), 1.0]
     return np.column_stack([np.interp(place, anchors, channel) for channel in np.transpose(PURPLE_ORANGE)]) / 255.0
+
+
+def hump_colours(difference: np.ndarray) -> np.ndarray:
+    """The colours of differences of the two sides [mm], 0 to 1, shape (..., 3)."""
+    palette = hump_palette()
+    step = np.floor((difference + SCALE_END) / COLOUR_STEP).astype(int) + 1
+    return palette[np.clip(step, 0, len(palette) - 1)]
 
 
 def hump_on_vertices(skin: Surface, landmarks: Landmarks, back: Relief, seen: Window, painted: Painted) -> Painted:

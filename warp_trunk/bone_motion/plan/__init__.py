@@ -1,6 +1,6 @@
 """The surgeon's plan, and the rigid motion of every vertebra that meets it with the least motion."""
 
-from .plan_file import plan_of_text, plan_text, read_plan, write_plan
+from .plan_file import plan_in, plan_of_text, plan_text, read_plan, write_plan
 from .planner import Planner, lenke_of, plan_surgery
 from .record import CurvePlan, Plan, fused_levels, plan_words
 from .surgery import CurveMotion, PlannedSurgery, VertebraMotion, fixed_numbers, planned_curves
@@ -15,6 +15,7 @@ __all__ = [
     "fixed_numbers",
     "fused_levels",
     "lenke_of",
+    "plan_in",
     "plan_of_text",
     "plan_surgery",
     "plan_text",

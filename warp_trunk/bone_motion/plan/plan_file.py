@@ -47,6 +47,11 @@ def plan_of_text(text: str, path: Path) -> Plan:
     return as_record(toml_table(text, path), Plan, path)
 
 
+def plan_in(text: str | None) -> Plan | None:
+    """The plan that made landmarks after surgery, of its text; None where none did, or motions in its place."""
+    return plan_of_text(text, Path(PLAN)) if text is not None and "uiv" in text else None
+
+
 def curve_of_text(text: str) -> CurvePlan:
     """One curve as the command line has it: T8,correction=0.65,derotation=0.4.
 
