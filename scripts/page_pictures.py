@@ -62,7 +62,7 @@ def draw_live(case: Path, plan: Path, out: Path) -> None:
         opened(page.server.address) as tab,
     ):
         tab.wait_for_function("document.body.innerText.includes('solved to')")
-        tab.get_by_text("Software WebGL").wait_for()  # it goes by a click
+        tab.get_by_text("Software WebGL").wait_for()  # closed by a click
         tab.locator(".mantine-Notification-closeButton").first.dispatch_event("click")
         tab.wait_for_timeout(3000)
         tab.screenshot(path=out)

@@ -84,7 +84,7 @@ def test_trunk_length_and_angle_of_the_shoulders() -> None:
 
 
 def test_the_report_names_the_forward_bend_with_its_interval() -> None:
-    """Where it shows most before: at T11 left, of patients 7 or 12 +- 1.96 * 4.6; 9 is more than 7 says."""
+    """Where it shows most before: at T11 left, of patients 7 or 12 +- 1.96 * 4.5; 9 is more than 7 says."""
 
     def words(after: float, before: float = -20.0) -> str:
         rows = [
@@ -95,7 +95,7 @@ def test_the_report_names_the_forward_bend_with_its_interval() -> None:
         return bent(MeasureTable(rows))
 
     assert "at T11 in the forward bend would show about 12° left instead of 20° left" in words(-12.0)
-    assert words(-12.0).endswith(": 21° left to 3.0° left in 95 % of patients.")
-    assert words(-7.0).endswith("about 7.0° left instead of 20° left: 16° left to 2.0° right in 95 % of patients.")
+    assert words(-12.0).endswith(": 21° left to 3.2° left in 95 % of patients.")
+    assert words(-7.0).endswith("about 7.0° left instead of 20° left: 16° left to 1.8° right in 95 % of patients.")
     assert "would show in the forward bend is not known, 12° left before" in words(-7.0, -12.0)
     assert bent(MeasureTable([])) == ""
