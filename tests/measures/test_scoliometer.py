@@ -8,6 +8,7 @@ import pytest
 from support.known_spine import known_spine
 from support.phantoms import whole_phantom
 from support.trunk_shapes import ellipse, flat_back, rotation, spine, tube
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.measures import measure, measure_back
 from warp_trunk.measures.quantities import Measured, MeasureTable
 from warp_trunk.measures.scoliometer import forward_bend, scoliometer_on, slope_between
@@ -68,19 +69,18 @@ def test_tilts_are_those_of_the_axes_and_discs_their_differences() -> None:
     assert "L5" not in discs
 
 
-def test_trunk_length_and_angle_of_the_shoulders() -> None:
+def test_trunk_length_is_the_height_of_t1_over_the_iliac_spines() -> None:
+    """Nothing changes where both iliac spines tilt about their middle."""
     case = whole_phantom()
-    measures = measure(case.skin, case.landmarks_before)
     marks = case.landmarks_before
-    middle = 0.5 * (marks.point("asis_left") + marks.point("asis_right"))
-    assert measures.trunk_length == pytest.approx(marks.point("T1_superior_endplate")[2] - middle[2])
-    table = MeasureTable.of({"before": measures})
-    assert table.value("before", "t1_tilt_deg") == measures.tilts["T1"]
-    assert table.value("before", "trunk_length_mm") == measures.trunk_length
-    shoulders = measures.shoulders
-    if shoulders is not None:
-        wide = shoulders.inner + shoulders.outer
-        assert math.tan(math.radians(shoulders.angle)) == pytest.approx(shoulders.difference / wide)
+    length = marks.point("T1_superior_endplate")[2] - marks.point("asis_left")[2]
+    tilted = marks.points.copy()
+    tilted[[marks.index("asis_left"), marks.index("asis_right")], 2] += [8.0, -8.0]
+    for points in (marks.points, tilted):
+        measures = measure(case.skin, Landmarks(marks.names, points))
+        table = MeasureTable.of({"before": measures})
+        assert table.value("before", "trunk_length_mm") == pytest.approx(length)
+        assert table.value("before", "t1_tilt_deg") == measures.tilts["T1"]
 
 
 def test_the_report_names_the_forward_bend_with_its_interval() -> None:

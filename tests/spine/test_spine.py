@@ -74,6 +74,8 @@ def test_shoulder_that_is_raised_by_a_length_stands_higher_by_it(higher):
     assert shoulders.difference == pytest.approx(higher, abs=1e-9)
     middle = 420.0 - 0.4 * (0.5 * (INNER + OUTER) * 150.0 - 55.0) - 390.0  # T1's centroid is at 390
     assert shoulders.left == pytest.approx(middle, abs=1e-9)
+    wide = (INNER + OUTER) * 150.0
+    assert shoulders.angle == pytest.approx(math.degrees(math.atan2(higher, wide)), abs=1e-9)
 
 
 PLACES = {"T1": 380.0, "T8": 240.0, "L5": 80.0}
