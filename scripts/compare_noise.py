@@ -9,6 +9,7 @@ deviation that the intervals state over that of the draws.
 """
 
 import dataclasses
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,7 +31,7 @@ from warp_trunk.preparation.deformity import correct
 from warp_trunk.preparation.deformity.published_curves import Kind
 from warp_trunk.preparation.landmark_finder import find_landmarks
 from warp_trunk.run.intervals import find_bands
-from warp_trunk.run.patient import PreparedPatient, patient_of
+from warp_trunk.run.patient import patient_of
 from warp_trunk.run.prediction import Prediction, prepare_plan
 from warp_trunk.spine.cobb import cobb_angles, coronal_angle, curves_after
 from warp_trunk.spine.spine import spine_of
@@ -95,13 +96,13 @@ def read_angles(case: Case, kind: Kind) -> str:
     )
 
 
-def relaxed(case: Case, options: Options, patient: PreparedPatient | None = None) -> Prediction:
+def relaxed(case: Case, options: Options, like: Prediction | None = None) -> Prediction:
     """A case relaxed, on the mesh of another with the same skin and bones where that is given."""
     run = RunOptions(
         mesh=MeshOptions(tets=options.tets, bone_edge_length=options.bone_edge),
         simulation=SimulationOptions(increments=2, relax=RelaxOptions(tolerance=0.3)),
     )
-    ready = patient_of(case, run, None if patient is None else patient.trunk, execution=Execution(cache=False))
+    ready = patient_of(case, run, None if like is None else like.trunk, execution=Execution(cache=False))
     return prepare_plan(ready, case).relax()
 
 
@@ -110,51 +111,58 @@ def rotations(skin: Surface, landmarks: Landmarks) -> np.ndarray:
     return np.array([np.nan if angle is None else angle for angle in measure(skin, landmarks).bsr.values()])
 
 
+def drawn_rotations(case: Case, kind: Kind, seed: int, exact: Prediction, options: Options) -> np.ndarray:
+    """Rotations of the back by level with errors [degrees]; NaN where the relaxation did not converge."""
+    path = options.keep / f"{kind}_{seed:02d}.npy"
+    if not path.exists():
+        before, after = errors_of(case, seed)
+        prediction = relaxed(
+            dataclasses.replace(case, landmarks_before=before, landmarks_after=after), options, exact
+        )
+        status = prediction.last.relaxation.status
+        angles = rotations(prediction.skin, after)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        np.save(path, angles if status is RelaxStatus.CONVERGED else np.full_like(angles, np.nan))
+        print(kind, seed, status.name, file=sys.stderr, flush=True)
+    return np.load(path)
+
+
+def errors_of(case: Case, seed: int) -> tuple[Landmarks, Landmarks]:
+    """The landmarks of a case before and after surgery, with errors."""
+    return with_errors(case.landmarks_before, 2 * seed), with_errors(case.planned_landmarks, 2 * seed + 1)
+
+
 def simulate_draws(case: Case, kind: Kind, options: Options) -> str:
-    """Offset and stated deviation of the rotation at every level, as rows of a table."""
+    """Offset and stated deviation of the rotation at every level, as rows of a table.
+
+    The offset is the mean of what a draw has beyond its derivatives, whose mean is zero.
+    """
     exact = relaxed(case, options)
     levels = case.landmarks_before.vertebrae()
     effects = find_bands(exact).effects
-    stated = dict(
-        zip(map(tuple, effects.names), effects.ratio * np.linalg.norm(effects.landmarks, axis=1), strict=True)
-    )
-    sd = np.array([stated["bsr_deg", level] for level in levels])
-    drawn, failed = [], 0
+    rows = [effects.names.tolist().index(["bsr_deg", level]) for level in levels]
+    by_landmarks = effects.landmarks[rows]
+    stated = effects.ratio[rows] * np.linalg.norm(by_landmarks, axis=1)
+    sd, without = Uncertainty().landmark_sd, rotations(exact.skin, case.planned_landmarks)
+    drawn, proportional = [], []
     for seed in range(options.draws):
-        path = options.keep / f"{kind}_{seed:02d}.npy"
-        if not path.exists():
-            marks = (
-                with_errors(marks, 2 * seed + after)
-                for after, marks in enumerate((case.landmarks_before, case.planned_landmarks))
-            )
-            before, after = marks
-            noisy = dataclasses.replace(case, landmarks_before=before, landmarks_after=after)
-            prediction = relaxed(noisy, options, exact.patient)
-            converged = prediction.last.relaxation.status is RelaxStatus.CONVERGED
-            angles = rotations(prediction.skin, after) if converged else np.full(len(levels), np.nan)
-            path.parent.mkdir(parents=True, exist_ok=True)
-            np.save(path, angles)
-            print(kind, seed, prediction.last.relaxation.status.name, flush=True)
-        angles = np.load(path)
-        failed += bool(np.isnan(angles).all())
-        drawn.append(angles - rotations(exact.skin, case.planned_landmarks))
-    values = np.array(drawn)
-    mean, spread = np.nanmean(values, axis=0), np.nanstd(values, axis=0, ddof=1)
-    offset, ratio = mean / spread, sd / spread
-    rows = [
-        f"{kind}: {options.draws - failed} of {options.draws} draws converged; "
-        f"ratio {np.median(ratio):.2f} in the median"
+        drawn.append(drawn_rotations(case, kind, seed, exact, options) - without)
+        marks = zip(errors_of(case, seed), (case.landmarks_before, case.planned_landmarks), strict=True)
+        errors = np.concatenate([noisy.points - points.points for noisy, points in marks])
+        proportional.append(by_landmarks @ errors.ravel() / sd)
+    values, beyond = np.array(drawn), np.array(drawn) - proportional
+    converged = int(np.isfinite(values).all(axis=1).sum())
+    deviation, offset = np.nanstd(values, axis=0, ddof=1), np.nanmean(beyond, axis=0)
+    error = np.nanstd(beyond, axis=0, ddof=1) / np.sqrt(converged)
+    ratio = stated / deviation
+    lines = [f"{kind}: {converged} of {options.draws} draws converged; ratio {np.median(ratio):.2f} in the median"]
+    lines += ["", "| level | offset [°] | over the deviation | drawn deviation [°] | stated over drawn |"]
+    lines += ["|---|---|---|---|---|"]
+    lines += [
+        f"| {level} | {mean:+z.2f} ± {unsure:.2f} | {mean / spread:+z.2f} | {spread:.2f} | {part:.2f} |"
+        for level, mean, unsure, spread, part in zip(levels, offset, error, deviation, ratio, strict=True)
     ]
-    rows += [
-        "",
-        "| level | offset [°] | over the deviation | deviation [°] | stated over drawn |",
-        "|---|---|---|---|---|",
-    ]
-    rows += [
-        f"| {level} | {m:+z.2f} | {o:+z.2f} | {s:.2f} | {r:.2f} |"
-        for level, m, o, s, r in zip(levels, mean, offset, spread, ratio, strict=True)
-    ]
-    return "\n".join(rows)
+    return "\n".join(lines)
 
 
 def main(options: Options) -> None:
@@ -170,6 +178,7 @@ def main(options: Options) -> None:
         skin = coarsen(skin, options.skin_edge, 0.2 * options.skin_edge)
         for kind, (cobb, correction) in SIMULATED.items():
             case = make_case(skin, bones, SpineCurve(kind=kind, cobb=cobb, kyphosis=24.0), correction)
+            case = dataclasses.replace(case, uncertainty=Uncertainty())
             print(f"\n{simulate_draws(case, kind, options)}", flush=True)
 
 

@@ -18,6 +18,7 @@ from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.measures import TrunkMeasures
+from warp_trunk.measures.derivatives import WAIST
 from warp_trunk.measures.quantities import QUANTITIES
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.preparation.deformity import SpineCurve, make_case
@@ -160,6 +161,7 @@ def phantom(request: pytest.FixtureRequest) -> Simulated:
 def test_a_phantom(phantom: Simulated) -> None:
     names = {(s.quantity, s.level) for s in phantom.sensitivities}
     assert {("bsr_deg", "T1"), ("bsr_deg", "T8"), ("bsr_deg", "L4"), ("shoulder_difference_mm", "")} <= names
+    assert {("clavicle_angle_deg", ""), *((quantity, "") for quantity in WAIST)} <= names
     assert ("hump_mm", phantom.prediction.measures_before.hump_level) in names
     np.testing.assert_allclose(
         [s.value for s in phantom.sensitivities], phantom.numbers(phantom.prediction), rtol=0.0, atol=1e-9
