@@ -16,7 +16,7 @@ class Doctor:
     """Folder for results."""
 
     def run(self) -> int:
-        """Prints what was found; status 1 where something is missing without which nothing runs."""
+        """Prints the findings; status 3 where something is missing without which nothing runs."""
         ready = True
         for finding in examine(self.results):
             mark = "ok" if not finding.cure else "MISSING" if finding.needed else "note"
