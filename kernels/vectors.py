@@ -127,7 +127,7 @@ SLOPE, PREVIOUS_SLOPE, DIRECTION_SQUARED = range(3)
 """Columns of the products."""
 PRODUCTS = 3
 """Their number."""
-LEAST = wp.constant(wp.float64(1e-12))
+LEAST_PIVOT = wp.constant(wp.float64(1e-12))
 """The least part of a diagonal element that a Cholesky factor leaves."""
 
 
@@ -192,9 +192,9 @@ def vector_kernels(scalar: type) -> SimpleNamespace:
             x = wp.sqrt(a[0, 0])
             xy = a[1, 0] / x
             xz = a[2, 0] / x
-            y = wp.sqrt(wp.max(a[1, 1] - xy * xy, LEAST * a[1, 1]))  # rounding may leave nothing
+            y = wp.sqrt(wp.max(a[1, 1] - xy * xy, LEAST_PIVOT * a[1, 1]))  # rounding may leave nothing
             yz = (a[2, 1] - xz * xy) / y
-            z = wp.sqrt(wp.max(a[2, 2] - xz * xz - yz * yz, LEAST * a[2, 2]))
+            z = wp.sqrt(wp.max(a[2, 2] - xz * xz - yz * yz, LEAST_PIVOT * a[2, 2]))
             third = w[2] / z
             second = (w[1] - yz * third) / y
             colored[i] = vec3(wp.vec3d((w[0] - xy * second - xz * third) / x, second, third))

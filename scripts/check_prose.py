@@ -66,6 +66,8 @@ EMPTY_NAMES = {
     *("this", "that", "these", "those", "such"),
 }
 """Names of variables, parameters, fields, functions and classes that state nothing of what they hold."""
+BARE_CONSTANTS = {"STEP", "STEPS", "MOST", "LEAST", "FEW", "FEWEST", "AGAIN", "ENOUGH", "EACH", "SAME", "OTHER"}
+"""Names of constants that lack a noun."""
 LEFT_OUT = ("typography", "dates_times", "lexical_illusions", "misc.phrasal_adjectives", "misc.currency")
 """Checks of proselint that do not fit technical text in plain punctuation, tables and equations."""
 ALLOWED = {
@@ -128,7 +130,7 @@ def empty_names(text: str) -> list[tuple[int, str]]:
     return [
         (getattr(node, "lineno", 1), f"'{name}' states nothing of what it holds; name the content")
         for node in ast.walk(ast.parse(text))
-        if (name := _name_given(node)).strip("_").lower() in EMPTY_NAMES
+        if (name := _name_given(node)).strip("_").lower() in EMPTY_NAMES or name.strip("_") in BARE_CONSTANTS
     ]
 
 

@@ -37,7 +37,7 @@ STATES = {"before": BEFORE, "predicted": AFTER}
 COBB = {"T1-T4": (20.0, 8.0), "T4-T11": (40.0, 17.0), "T11-L4": (32.0, 15.0)}
 """Angles before and after, the differences of the tilts."""
 EXCHANGED = {"left_flank_mm": "right_flank_mm", "waist_depth_left_mm": "waist_depth_right_mm"}
-SAME = {
+SAME_ON_BOTH_SIDES = {
     "cobb_deg", "kyphosis_deg", "lordosis_deg", "spine_height_mm", "trunk_length_mm", "trunk_shift_forward_mm",
     "skin_change_max_mm", "skin_change_mean_mm",
 }  # fmt: skip
@@ -135,7 +135,7 @@ def test_the_mirror_image_has_every_number_on_the_other_side(both: tuple[Shown, 
     wanted = {}
     for (quantity, level), value in own.items():
         size = None if value is None else 1e4 / value if quantity in RATIOS else value
-        has_side = quantity not in SAME | RATIOS and quantity not in twins
+        has_side = quantity not in SAME_ON_BOTH_SIDES | RATIOS and quantity not in twins
         wanted[twins.get(quantity, quantity), level] = -size if has_side and size is not None else size
     assert mirrored == pytest.approx(wanted, abs=2e-3)
 

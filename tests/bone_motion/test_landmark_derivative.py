@@ -22,7 +22,7 @@ STRAIGHT = straight_trunk()[2]
 _, BONES, BEFORE = impose(*straight_trunk(), SpineCurve(cobb=50.0))
 AFTER = correct(STRAIGHT, SpineCurve(cobb=20.0, apical_rotation=2.0), 0.0)
 NO_FACES = np.empty((0, 3), dtype=np.int32)
-STEP = 1e-4
+MOVE = 1e-4
 
 
 def rod(start: np.ndarray, end: np.ndarray) -> Surface:
@@ -93,11 +93,11 @@ def compare(bones: dict[str, Surface], before: Landmarks, after: Landmarks, pose
     around = motions(*sets_around(before.points, after.points))
     by_before, by_after = rigid_derivative(trunk, around)(weights)
     ways = random.normal(size=(2, 2, *before.points.shape))
-    signs = STEP * np.array([1.0, -1.0])[:, None, None]
+    signs = MOVE * np.array([1.0, -1.0])[:, None, None]
     for way in ways:
         bones_at = motions(before.points + signs * way[0], after.points + signs * way[1])
         ends = np.array([[bones_at[name][end].apply(trunk.nodes) for name in bones] for end in range(2)])
-        wanted = ((ends[0] - ends[1]) * weights).sum(axis=(1, 2)) / (2.0 * STEP)
+        wanted = ((ends[0] - ends[1]) * weights).sum(axis=(1, 2)) / (2.0 * MOVE)
         derivative = np.einsum("kni,ni->k", by_before, way[0]) + np.einsum("kni,ni->k", by_after, way[1])
         np.testing.assert_allclose(derivative, wanted, rtol=1e-4, atol=1e-4 * np.abs(wanted).max())
 
@@ -123,7 +123,7 @@ def test_bones_that_the_spline_carries() -> None:
     weights = random.normal(size=(3, *nodes.shape))
     by_before, by_after = spline_derivative(nodes, before, after)(weights)
     way = random.normal(size=(2, *before.shape))
-    ends = [fit_spline(before + s * STEP * way[0], after + s * STEP * way[1])(nodes) for s in (1.0, -1.0)]
-    wanted = np.tensordot(weights, ends[0] - ends[1], axes=2) / (2.0 * STEP)
+    ends = [fit_spline(before + s * MOVE * way[0], after + s * MOVE * way[1])(nodes) for s in (1.0, -1.0)]
+    wanted = np.tensordot(weights, ends[0] - ends[1], axes=2) / (2.0 * MOVE)
     derivative = np.tensordot(by_before, way[0], axes=2) + np.tensordot(by_after, way[1], axes=2)
     np.testing.assert_allclose(derivative, wanted, rtol=1e-4, atol=1e-4 * np.abs(wanted).max())

@@ -53,13 +53,13 @@ def hips_exchanged(case: Case) -> Case:
     return replace(case, bones=bones)
 
 
-FEW = ("T7_superior_endplate", "asis_left", "asis_right")
+FEW_LANDMARKS = ("T7_superior_endplate", "asis_left", "asis_right")
 UNITS = (
     "the trunk is {} mm tall, and must be 250 to 900 mm; the bones are in mm, and this file seems to be in {}: "
 )
 FAR = Landmarks(small_case().landmarks_before.names, small_case().planned_landmarks.points + 120.0)
 REFUSED = [
-    (with_landmarks(lambda p: {n: p[n] for n in FEW}), "at least 4 landmarks are needed, there are 3"),
+    (with_landmarks(lambda p: {n: p[n] for n in FEW_LANDMARKS}), "at least 4 landmarks are needed, there are 3"),
     (with_landmarks(lambda p: {n: x * [1.0, 0.0, 1.0] for n, x in p.items()}),
      "must not lie in one plane, these are .* mm from one"),
     (with_landmarks(without("asis_right")), "'asis_right' is missing; rotations are measured against"),

@@ -52,8 +52,8 @@ def test_largest_rotation_is_compared_at_the_place_of_the_actual_one():
     assert bsr_error(angles, ("L1",)) is None
 
 
-FEW = {"T4": 350.0, "T12": 200.0, "L5": 50.0}
-LANDMARKS = spine(FEW, (0.0, 20.0))
+FEW_LEVELS = {"T4": 350.0, "T12": 200.0, "L5": 50.0}
+LANDMARKS = spine(FEW_LEVELS, (0.0, 20.0))
 BALL_LEVELS = spine({"T1": 60.0, "T6": 0.0, "L5": -60.0}, (0.0, 0.0))
 
 

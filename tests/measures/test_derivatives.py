@@ -12,7 +12,7 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
 from warp_trunk.measures.derivatives import waist_derivatives
 
-STEP = 1e-4
+DIFFERENCE = 1e-4
 """Size of a displacement of skin and landmarks [mm]."""
 CASE = coarse_phantom()
 
@@ -36,13 +36,13 @@ def test_waist_against_differences(seed: int) -> None:
     for move_skin, move_marks in ((1.0, 0.0), (0.0, 1.0)):
         ends = [
             waist(
-                skin.moved(skin.vertices + side * STEP * move_skin * by_skin),
-                replace(marks, points=marks.points + side * STEP * move_marks * by_marks),
+                skin.moved(skin.vertices + side * DIFFERENCE * move_skin * by_skin),
+                replace(marks, points=marks.points + side * DIFFERENCE * move_marks * by_marks),
             )
             for side in (1.0, -1.0)
         ]
         for name, derivative in derivatives.items():
-            wanted = (ends[0][name] - ends[1][name]) / (2.0 * STEP)
+            wanted = (ends[0][name] - ends[1][name]) / (2.0 * DIFFERENCE)
             expected = move_skin * np.vdot(derivative.vertices, by_skin)
             expected += move_marks * np.vdot(derivative.landmarks, by_marks)
             assert expected == pytest.approx(wanted, rel=1e-3, abs=1e-4)

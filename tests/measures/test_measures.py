@@ -78,7 +78,7 @@ def test_twisted_anatomy_has_the_angles_of_its_twist():
 
 CASE = whole_phantom()
 LEVELS = ("T2", "T5", "T8", "T12", "L2", "L4")
-STEP = 1e-6
+DIFFERENCE = 1e-6
 
 
 def rough() -> Surface:
@@ -100,11 +100,11 @@ def differs(
         )
         ends = []
         for sign in (1.0, -1.0):
-            moved = Surface(skin.vertices + sign * STEP * along[0], skin.faces)
-            marks = Landmarks(landmarks.names, landmarks.points + sign * STEP * along[1])
+            moved = Surface(skin.vertices + sign * DIFFERENCE * along[0], skin.faces)
+            marks = Landmarks(landmarks.names, landmarks.points + sign * DIFFERENCE * along[1])
             ends.append(not_none(number(measure(moved, marks))))
         predicted = np.vdot(derivative.vertices, along[0]) + np.vdot(derivative.landmarks, along[1])
-        pairs.append((float(predicted), (ends[0] - ends[1]) / (2.0 * STEP)))
+        pairs.append((float(predicted), (ends[0] - ends[1]) / (2.0 * DIFFERENCE)))
     return pairs
 
 

@@ -90,7 +90,7 @@ def test_another_kind_is_refused_in_one_line(call, said):
 
 CASE, TRUNK = small_trunk.small_case()
 MOVED = np.random.default_rng(2).normal(scale=3.0, size=TRUNK.nodes.shape)
-OTHER = {
+OTHER_VALUES = {
     "epsilon": 3.0, "theta": 40.0, "poisson_ratio": 0.2, "density": 700.0, "youngs_modulus": 50.0,
     "weights": "volume", "alpha": 0.02, "gravity": 5.0, "rest": "scan",
 }  # fmt: skip
@@ -119,7 +119,7 @@ def pull(scene: dict[str, Any], **constants: float) -> np.ndarray:
 def test_what_the_table_calls_read_moves_the_tissue_and_nothing_else_does(scene: dict[str, Any]) -> None:
     usual = pull(scene)
     constants = {field.name for field in fields(Tissue)}
-    for name, value in OTHER.items():
+    for name, value in OTHER_VALUES.items():
         options = RunOptions(bones="spline", **scene)
         reads = READERS[name].reads(RunChoices(options, layered=False))
         if (not reads and name in ("alpha", "weights", "gravity")) or (name == "alpha" and "gravity" in scene):

@@ -29,7 +29,7 @@ from warp_trunk.run.sources import sources_of
 
 WITHIN = 0.03
 """Part of the largest change of a number of its kind by which a derivative may miss the difference."""
-STEP = 1e-3
+DIFFERENCE = 1e-3
 """Length of a direction of all landmarks [mm]: no point of contact jumps on the way."""
 
 
@@ -97,8 +97,8 @@ def check_landmarks(simulated: Simulated, directions: int) -> None:
     predicted, wanted = [], []
     for seed in range(directions):
         before, after = np.random.default_rng(seed).normal(size=(2, *shape))
-        ends = [simulated.with_landmarks(s * STEP * before, s * STEP * after) for s in (1.0, -1.0)]
-        wanted.append((ends[0] - ends[1]) / (2.0 * STEP))
+        ends = [simulated.with_landmarks(s * DIFFERENCE * before, s * DIFFERENCE * after) for s in (1.0, -1.0)]
+        wanted.append((ends[0] - ends[1]) / (2.0 * DIFFERENCE))
         predicted.append(
             [
                 np.vdot(s.landmarks_before, before) + np.vdot(s.landmarks_after, after)

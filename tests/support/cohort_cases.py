@@ -51,10 +51,10 @@ def write_cohort_cases(folder: Path) -> Path:
     return folder
 
 
-SAME = ("predicted_skin.ply", "trunk.vtu", "landmarks_after.csv", "actual_skin.ply")
+SAME_IN_ALL = ("predicted_skin.ply", "trunk.vtu", "landmarks_after.csv", "actual_skin.ply")
 """Files of a result that hold no time."""
 
 
 def contents(out: Path, names: str) -> dict[str, bytes]:
     """Bytes of the results of some cases, which are named by one letter each."""
-    return {f"{name}/{file}": (out / name / file).read_bytes() for name in names for file in SAME}
+    return {f"{name}/{file}": (out / name / file).read_bytes() for name in names for file in SAME_IN_ALL}

@@ -29,7 +29,7 @@ WIDTH, DEPTH, TOP, BOTTOM = 150.0, 100.0, 450.0, -110.0
 """Half width and half depth of the trunk, and heights of its ends [mm]."""
 PELVIS = -60.0
 """Height of the iliac spines [mm]."""
-EACH, AROUND = 1, 5
+EACH_LEVEL, AROUND = 1, 5
 """Rings between two heights that matter, and points on each edge of a ring."""
 MIRROR = np.array([-1.0, 1.0, 1.0])
 
@@ -90,7 +90,7 @@ class Shape:
         levels = {level: marks.of_bone(level).points[:, 2].mean() for level in LEVELS}
         hollows = [height + step for _, height in self.waist.values() for step in (-52.0, -8.0, 8.0, 52.0)]
         ends = [BOTTOM, *hollows, *(z + step for z in levels.values() for step in (-2.0, 2.0)), TOP]
-        between = [np.linspace(low, high, 1 + EACH, endpoint=False) for low, high in pairwise(sorted(ends))]
+        between = [np.linspace(low, high, 1 + EACH_LEVEL, endpoint=False) for low, high in pairwise(sorted(ends))]
         z = np.append(np.concatenate(between), TOP)
         # the angle of a level holds for both of its rings
         at = sorted((z + step, self.rotations[level]) for level, z in levels.items() for step in (-2.0, 2.0))

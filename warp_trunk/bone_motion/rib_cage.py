@@ -24,13 +24,13 @@ _UNDER_SCAPULA = range(2, 8)
 """The ribs that a shoulder blade lies on."""
 _REACH = 20.0
 """Parts of them within this distance of the blade carry it; the muscles between are thinner [mm]."""
-_FEW = 16
+_SAMPLED = 16
 """One in this many vertices is used to estimate the distance of a bone."""
 _END = 5.0
 """How much of a bone is its end: what is this much further from a joint, or nearer to the tip, counts [mm]."""
 _CARTILAGE = 0.1
 """A costal cartilage keeps its length within this part."""
-_FEWEST = 3
+_FEWEST_RIBS = 3
 """Fewer ribs carry neither sternum nor shoulder blade."""
 _FACET = 3.0
 """A head leaves its facet by at most this much where screws turn the vertebra [mm]."""
@@ -100,7 +100,7 @@ class RibCage:
         """The point of the sternum nearest to the front end of each of these [mm], shape (ribs, 3)."""
         for row in self.reaching:
             self.anchors[row] = sternum[np.linalg.norm(sternum - self.tip[row], axis=1).argmin()]
-        enough = len(self.reaching) >= _FEWEST
+        enough = len(self.reaching) >= _FEWEST_RIBS
         self.sternum = _Riders({"sternum": {self.ribs[row]: self.tip[[row]] for row in true}}) if enough else None
         """The sternum on the front ends of true ribs, of three at least."""
         near = {
@@ -113,7 +113,7 @@ class RibCage:
             for side in SIDES
             if f"scapula_{side}" in bones
         }
-        near = {blade: parts for blade, parts in near.items() if len(parts) >= _FEWEST}
+        near = {blade: parts for blade, parts in near.items() if len(parts) >= _FEWEST_RIBS}
         self.blades = _Riders(near) if near else None
         """Shoulder blades on the parts of ribs under them, of three at least."""
         self.bones = (*ribs, *(["sternum"] if "sternum" in bones else []), *near)
@@ -183,7 +183,7 @@ def ends(bone: Surface, neighbour: Surface) -> np.ndarray:
 
     vertices, tree = bone.vertices, KDTree(neighbour.vertices)
     # what is further is no end, and is not looked for
-    bound = tree.query(vertices[::_FEW])[0].min() + 1.001 * _END
+    bound = tree.query(vertices[::_SAMPLED])[0].min() + 1.001 * _END
     near, _ = tree.query(vertices, distance_upper_bound=bound)
     joint = vertices[near <= near.min() + _END].mean(axis=0)
     far = np.linalg.norm(vertices - joint, axis=1)

@@ -22,7 +22,7 @@ _OFF_FEATURE, _OFF_BY_ERROR = 6.5, 3.5
 deviations of the errors of landmarks."""
 _AT_END = 1.5
 """At an end of the spine, where there is no mean, within this many times as much."""
-_FEWEST = 4
+_FEWEST_VERTEBRAE = 4
 """Vertebrae with landmarks and bones that are needed to compare each with its neighbours."""
 _OUT = 1.0
 """A bone reaches out of the skin by less [mm]."""
@@ -38,7 +38,7 @@ def anatomy_doubts(case: Case) -> list[str]:
     Args:
         case: checked as far as its files go, in LPS and mm.
     """
-    if not case.has_spine or sum(name in case.bones for name in THORACIC) < _FEWEST:
+    if not case.has_spine or sum(name in case.bones for name in THORACIC) < _FEWEST_VERTEBRAE:
         return []
     doubts = [*_missing(case), *_rib_order(case), *_iliac_spines(case), *_off_features(case), *_outside(case)]
     return [f"Anatomy: {doubt}." for doubt in doubts]
@@ -110,7 +110,7 @@ def _off_features(case: Case) -> list[str]:
     """Landmarks that lie elsewhere on their vertebra than those of its neighbours."""
     marks = case.landmarks_before
     levels = [name for name in marks.vertebrae() if name in case.bones]
-    if len(levels) < _FEWEST:
+    if len(levels) < _FEWEST_VERTEBRAE:
         return []
     six = np.array([[marks.point(f"{level}_{name}") for name in VERTEBRA_POINTS] for level in levels])
     low, high = (np.array([end(case.bones[n].vertices, axis=0) for n in levels]) for end in (np.min, np.max))

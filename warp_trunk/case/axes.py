@@ -74,7 +74,7 @@ _BEHIND = 5.0
 _LEAST_VERTEBRA, _MOST_VERTEBRA = 20.0, 150.0
 """Largest side of the box around a vertebra, of a small child and of an adult [mm]."""
 _USUAL_VERTEBRA = 60.0
-_OTHER = dict(zip("LRPASI", "RLAPIS", strict=True))
+_OPPOSITE = dict(zip("LRPASI", "RLAPIS", strict=True))
 
 
 def misplaced(bones: Mapping[str, Surface]) -> dict[int, str]:
@@ -139,7 +139,7 @@ def fitting(code: str, wrong: Iterable[int]) -> str:
     """
     wrong = list(wrong)
     turned = {letter for axis in wrong for letter in ("LR", "PA", "SI")[axis]}
-    fits = "".join(_OTHER[letter] if letter in turned else letter for letter in code)
+    fits = "".join(_OPPOSITE[letter] if letter in turned else letter for letter in code)
     names = "; exchanging names of left and right instead would mirror the patient" if 0 in wrong else ""
     return f': write axes = "{fits}"{" if the files are written so" if len(wrong) % 2 else ""}{names}'
 

@@ -159,7 +159,7 @@ a thousand."""
 MISFIT = 4.0
 """Median misfit of the vertebrae [mm] beyond which they belong to another patient; errors of landmarks reach 3.6
 in one case of a thousand."""
-_ENOUGH = 8
+_ENOUGH_VERTEBRAE = 8
 """Number of vertebrae that are needed to recognise a patient."""
 
 
@@ -207,7 +207,7 @@ def _six_points(landmarks: Landmarks, levels: Sequence[str]) -> np.ndarray:
 
 def _check_patient(before: np.ndarray, after: np.ndarray, misfits: np.ndarray, where: str) -> list[str]:
     """Check that all vertebrae together (levels, 6, 3) are of one size and shape before and after."""
-    if len(before) < _ENOUGH:
+    if len(before) < _ENOUGH_VERTEBRAE:
         return []
     usual = float(np.median(misfits))
     sizes = [np.linalg.norm(six - six.mean(axis=1, keepdims=True), axis=(1, 2)).sum() for six in (before, after)]

@@ -23,7 +23,7 @@ _FAR = 200.0
 _TOUCHING, _DEEP = 0.5, 1.5
 """Bones closer than the first distance before surgery count as joined; others may overlap by the second [mm], the
 accuracy of segmented surfaces."""
-_STEP = 2.0
+_CHECK_STEP = 2.0
 """Overlap is checked each time a bone has moved by this distance [mm]."""
 
 
@@ -130,7 +130,7 @@ def _passed(
     near = vertices[((vertices > distance.lower - reach) & (vertices < distance.upper + reach)).all(axis=1)]
     if not len(near):
         return None
-    for part in np.linspace(0.0, 1.0, math.ceil(way / _STEP) + 1)[1:]:
+    for part in np.linspace(0.0, 1.0, math.ceil(way / _CHECK_STEP) + 1)[1:]:
         moved = motions[bone].part(part).apply(near)
         back = motions[other].part(part).inv()
         in_place = back.apply(moved)

@@ -117,7 +117,7 @@ def limits_of_agreement(differences: Sequence[float], patients: Sequence[str]) -
     return LimitsOfAgreement(bias, sd, low, high, pairs, people)
 
 
-LEAST = 3
+LEAST_POINTS = 3
 """Fewer points have no trend."""
 
 
@@ -137,7 +137,7 @@ class Trend:
     """How many points."""
 
 
-def trend(x: Sequence[float | None], y: Sequence[float | None], least: int = LEAST) -> Trend | None:
+def trend(x: Sequence[float | None], y: Sequence[float | None], least: int = LEAST_POINTS) -> Trend | None:
     """The line of least squares through the points that have both numbers.
 
     Returns:

@@ -23,7 +23,7 @@ AGAINST = {
     "months_after": "months since surgery",
 }
 """The covariates of an error, by their field in a row."""
-FEWEST = 10
+FEWEST_CASES = 10
 """Fewer cases have no trend: a line through three has a correlation of 0.99 by chance in one of eleven."""
 GUESSES = ("predicted", "before", "spline")
 """Guesses that are compared with the actual skin: the prediction, "nothing changes", and "the spline carries the
@@ -187,7 +187,7 @@ def summarize_cohort(rows: Sequence[CaseRow]) -> CohortSummary:
         },
         trends={
             name: trend(
-                [getattr(row, name) for row in counted], [whole.get(row.folder) for row in counted], FEWEST
+                [getattr(row, name) for row in counted], [whole.get(row.folder) for row in counted], FEWEST_CASES
             )
             for name in AGAINST
         },
@@ -251,4 +251,4 @@ def _hump(humps: pl.DataFrame) -> HumpSummary | None:
     agreement = limits_of_agreement(differences, patients)
     if error is None or agreement is None:
         return None
-    return HumpSummary(error, agreement, trend(actual, predicted, FEWEST))
+    return HumpSummary(error, agreement, trend(actual, predicted, FEWEST_CASES))

@@ -12,7 +12,7 @@ from .model import Model
 from .rest_mesh import RestMesh
 from .tissue import TISSUE_LIMITS, Limits
 
-STEP = 1e-6
+CONSTANT_STEP = 1e-6
 """Part of a constant by which it is changed to either side; weights are float64, and linear in most constants."""
 PART_STEP = 1e-3
 """How much of a change of parts is added and taken away; weights are float64, and linear in the parts."""
@@ -107,7 +107,7 @@ def parts_derivative(model: Model, change: np.ndarray) -> dict[str, np.ndarray]:
 def _sides(model: Model, constant: Constant) -> tuple[float, float, float]:
     """The constant, and the values below and above it at which weights are compared."""
     value = value_of(model, constant)
-    step = STEP * max(abs(value), 1e-3)
+    step = CONSTANT_STEP * max(abs(value), 1e-3)
     limits = TISSUE_LIMITS.get(constant.name, Limits())
     return value, max(value - step, limits.ge), min(value + step, limits.le)
 

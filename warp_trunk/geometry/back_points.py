@@ -23,7 +23,7 @@ LINK = 10.0
 NOISY = 0.8
 """Points that scatter by more than this about the skin are smoothed [mm]; those of scanners scatter by 0.05 to
 0.5, of apps by 2 to 5."""
-FEWEST = 100
+FEWEST_SEEN = 100
 """Points that a back needs."""
 MOST_STRAY = 0.01
 """Surroundings are no more than this part of a scan that shows the back alone."""
@@ -37,7 +37,7 @@ _HIDDEN = 40.0
 """Points farther than this in front of others are hidden by them, seen from behind [mm]."""
 _LOOSE = 3.0
 """The sixth neighbour of a loose point is farther than this many times the usual distance."""
-_EACH = 6.0
+_POINT_AREA = 6.0
 """Area of a surface for each point on it [mm^2]."""
 _SAMPLE = 1500
 """Points from which noise and usual distances are taken."""
@@ -88,10 +88,10 @@ def find_back(points: np.ndarray, line: np.ndarray, across: np.ndarray, what: st
         what: name of the scan in an error.
 
     Raises:
-        InputError: fewer than `FEWEST` points that are finite, or none that lies behind the line.
+        InputError: fewer than `FEWEST_SEEN` points that are finite, or none that lies behind the line.
     """
-    if points.ndim != 2 or points.shape[1:] != (3,) or len(points) < FEWEST or not np.isfinite(points).all():
-        raise InputError(f"{what}: needs {FEWEST} or more finite points of shape (n, 3), not {points.shape}")
+    if points.ndim != 2 or points.shape[1:] != (3,) or len(points) < FEWEST_SEEN or not np.isfinite(points).all():
+        raise InputError(f"{what}: needs {FEWEST_SEEN} or more finite points of shape (n, 3), not {points.shape}")
     thin = in_cubes(points)[0]
     seen = _from_behind(thin, across)
     to_line = seen - _line_at(line, across, thin[:, 2])
@@ -124,10 +124,10 @@ def find_back(points: np.ndarray, line: np.ndarray, across: np.ndarray, what: st
 
 
 def points_on(surface: Surface) -> np.ndarray:
-    """The vertices of a surface and points on its triangles, about one for `_EACH` of area, shape (n, 3) [mm]."""
+    """The vertices of a surface and points on its triangles, one for `_POINT_AREA` of area, shape (n, 3) [mm]."""
     area = np.linalg.norm(area_vectors(surface.vertices, surface.faces), axis=1)
     rng = np.random.default_rng(0)
-    face = np.repeat(np.arange(len(area)), rng.poisson(area / _EACH))
+    face = np.repeat(np.arange(len(area)), rng.poisson(area / _POINT_AREA))
     weights = rng.dirichlet(np.ones(3), len(face))
     inside = np.einsum("nk,nki->ni", weights, surface.vertices[surface.faces[face]])
     return np.vstack([surface.vertices[np.unique(surface.faces)], inside])

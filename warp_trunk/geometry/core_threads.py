@@ -14,7 +14,7 @@ from warp_trunk.system import usable_cores
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-_LEAST = 2_000
+_LEAST_ITEMS = 2_000
 """Fewer items are run by the calling thread alone."""
 
 
@@ -29,7 +29,7 @@ def launch_over_cores(
     def launch_part(part: tuple[int, int]) -> None:
         wp.launch(kernel, dim=part[1] - part[0], inputs=[part[0], *inputs], outputs=outputs, device=device)
 
-    if size < _LEAST or device != "cpu":
+    if size < _LEAST_ITEMS or device != "cpu":
         launch_part((0, size))
         return
     launch_part((0, 1))  # alone, so that the kernel is compiled once

@@ -27,7 +27,7 @@ _NARROW = (3, 2, 1, 0)
 """Pieces are cut where they are narrower than twice as many cells."""
 _FAINTER = (0.75,)
 """Parts of `CREASE` that also count where the depth was smoothed."""
-_MOST = 0.4
+_MOST_RAISED_SHARE = 0.4
 """A piece that is a larger part of a back than this does not stand on it."""
 _ROUNDS = 3
 _CLOSED = 3
@@ -188,7 +188,7 @@ def find_raised(grid: DepthGrid, aside: np.ndarray, error: float = 0.0, blur: fl
         skin = grown == order[0]
         for number in order[1:]:
             piece_cells = grown == number
-            large = piece_cells.sum() > _MOST * near.sum()
+            large = piece_cells.sum() > _MOST_RAISED_SHARE * near.sum()
             if not large and min(heights(grid, skin, piece_cells)) > RAISED + 3.0 * error:
                 raised |= piece_cells
             else:

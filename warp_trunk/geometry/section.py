@@ -229,7 +229,7 @@ SHOULDERS = ("T1", "T2", "T3", "T4")
 """Levels at which shoulders are the trunk's own."""
 _NOTCH = 2.0
 """An outline is notched where it lies this deep under its convex hull [mm]."""
-_LEAST = 1200.0
+_LEAST_ARM_AREA = 1200.0
 """No arm has a smaller section [mm2]."""
 _STANDS_OUT = 0.35
 """An arm has at least this area over the square of the line that cuts it off: half a disc has 0.39, the fold of
@@ -240,7 +240,7 @@ groove of the back."""
 _FILLET, _SIDE = 6.0, 10.0
 """Beside a notch the skin turns into the arm over the first length [mm]; points the second apart show where it
 goes."""
-_MOST = 0.4
+_MOST_ARM_SHARE = 0.4
 """An arm has less than this of the area of the trunk."""
 
 
@@ -278,7 +278,7 @@ def _without_arm(loop: np.ndarray, spine: np.ndarray) -> np.ndarray | None:
         across, along = np.abs(parts[arm].mean(axis=0) - middle)
         chord = float(np.sum((loop[first] - loop[second]) ** 2))
         share = areas[arm] / max(chord, 1.0)
-        size = _LEAST <= areas[arm] <= _MOST * areas[trunk]
+        size = _LEAST_ARM_AREA <= areas[arm] <= _MOST_ARM_SHARE * areas[trunk]
         if size and across > along and share > most and encloses(parts[trunk], spine):
             best, most = parts[trunk], share
     return None if best is None else _closed(best)

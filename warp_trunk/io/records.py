@@ -22,7 +22,7 @@ Record = TypeVar("Record")
 _NO_NUMBER = re.compile(
     r"(?<=[:\[, \n])[-+]?(?:nan|inf(?:inity)?|1\.#\w+)(?:\(\w*\))?(?=\s*[,}\]])", re.IGNORECASE
 )
-_MOST = 1_000_000
+_MOST_BYTES = 1_000_000
 """No file of TOML is longer than this [bytes]."""
 _IN_WORDS = {
     "object": "a table", "array": "a list", "float": "a number", "int": "a whole number", "str": "a text",
@@ -33,7 +33,7 @@ _IN_WORDS = {
 
 def read_toml(path: Path, expected: str) -> dict[str, Any]:
     """The table of a TOML file; InputError, with what was expected, for a file that is missing or unreadable."""
-    return toml_table(read_text(path, expected, _MOST), path)
+    return toml_table(read_text(path, expected, _MOST_BYTES), path)
 
 
 def toml_table(text: str, path: Path) -> dict[str, Any]:

@@ -136,7 +136,7 @@ def _materials(trunk: TrunkMesh, tissues: Sequence[Tissue], layers: Sequence[str
     ]
 
 
-STEPS = 10
+TIME_STEPS = 10
 """Time steps over which FEBio moves the bones."""
 
 
@@ -185,7 +185,7 @@ def _write_febio(path: Path, trunk: TrunkMesh, displacement: np.ndarray, materia
     root = Element("febio_spec", version="4.0")
     SubElement(root, "Module", type="solid")
     control = SubElement(root, "Control")
-    for name, value in (("analysis", "STATIC"), ("time_steps", STEPS), ("step_size", 1.0 / STEPS)):
+    for name, value in (("analysis", "STATIC"), ("time_steps", TIME_STEPS), ("step_size", 1.0 / TIME_STEPS)):
         SubElement(control, name).text = str(value)
     listed = SubElement(root, "Material")
     for number, material in enumerate(materials, start=1):

@@ -10,7 +10,7 @@ import numpy as np
 
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.back_points import FEWEST, MOST_STRAY, BackPoints, find_back, points_on
+from warp_trunk.geometry.back_points import FEWEST_SEEN, MOST_STRAY, BackPoints, find_back, points_on
 from warp_trunk.geometry.scanned_points import surface_of_points, without_bumps
 from warp_trunk.geometry.section import pieces
 from warp_trunk.geometry.surface import Surface
@@ -284,7 +284,7 @@ def _skin_of(
     if not len(boundary_edges(back.faces)):
         return back, None
     points = points_on(back)
-    if len(points) >= FEWEST:
+    if len(points) >= FEWEST_SEEN:
         scan = find_back(points, line, across)
         if scan.smoothed or scan.stands or len(scan.surroundings) > MOST_STRAY * len(points):
             return surface_of_points(scan.skin, across), scan

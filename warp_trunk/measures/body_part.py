@@ -177,7 +177,7 @@ def profile(places: Mapping[str, np.ndarray]) -> dict[str, float]:
     return dict(sorted(sizes.items()))
 
 
-_STEP = 5.0
+_HEIGHT_STEP = 5.0
 """Distances between sternum and vertebra are measured at heights this far apart [mm]."""
 _COLUMN = 15.0
 """Width of the columns in which the inside of the wall is found [mm]; narrower ones miss it between vertices."""
@@ -222,8 +222,8 @@ def chest_indices(skin: Surface, bones: Mapping[str, Surface]) -> dict[str, floa
     central = sternum[np.abs(sternum[:, 0] - middle) < _MIDLINE]
     depths = {}
     low, high = sternum[:, 2].min(), sternum[:, 2].max()
-    for height in np.arange(low + _STEP, 0.5 * (low + high), _STEP):
-        front, back = (_slab(points, height, _STEP)[:, 1] for points in (body, central))
+    for height in np.arange(low + _HEIGHT_STEP, 0.5 * (low + high), _HEIGHT_STEP):
+        front, back = (_slab(points, height, _HEIGHT_STEP)[:, 1] for points in (body, central))
         if len(front) and len(back):
             depths[height] = float(front.min() - back.max()), float(front.min())
     if not depths:

@@ -229,7 +229,7 @@ _GOAL = 0.3
 """Tetrahedra of a lower quality are worked on; 1 is regular, 0 flat; 0.3 is about 9 degrees between faces."""
 _SWEEPS = 6
 """How often the nodes of all such tetrahedra are tried."""
-_STEPS = (0.3, 0.1, 0.03)
+_MOVE_LENGTHS = (0.3, 0.1, 0.03)
 """Lengths of the moves tried, in mean edge lengths around the node."""
 
 
@@ -282,4 +282,4 @@ def _directions() -> np.ndarray:
     """Moves to try, in all directions and some lengths, shape (moves, 3)."""
     lattice = np.stack(np.meshgrid(*([-1.0, 0.0, 1.0],) * 3), axis=-1).reshape(-1, 3)
     lattice = unit(lattice[np.abs(lattice).sum(axis=1) > 0.0])
-    return np.concatenate([step * lattice for step in _STEPS])
+    return np.concatenate([step * lattice for step in _MOVE_LENGTHS])

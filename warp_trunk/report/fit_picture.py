@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from warp_trunk.preparation.back_scan import FittedBack
 
 _OUT = "#aa3377"
-_STEPS = (0.0, 0.25, 0.5, 1.0, 1.5, 3.0)
+_DISTANCE_STEPS = (0.0, 0.25, 0.5, 1.0, 1.5, 3.0)
 _PIXEL, _SHOWN = 1.0, 6000
 
 
@@ -30,7 +30,7 @@ def fit_picture(fit: FittedBack) -> bytes:
     that were left out are drawn over it.
     """
     skin, marks = fit.case.skin, fit.case.landmarks_before
-    unseen, norm = (~fit.seen).astype(np.float64), BoundaryNorm(_STEPS, 256, extend="max")
+    unseen, norm = (~fit.seen).astype(np.float64), BoundaryNorm(_DISTANCE_STEPS, 256, extend="max")
     views = {"from behind": BEHIND, "from the left": LEFT, "from the front": FRONT}
     frames = [window([(skin, marks)], _PIXEL, view) for view in views.values()]
     images = []
@@ -53,7 +53,7 @@ def fit_picture(fit: FittedBack) -> bytes:
             centres = seen_from(marks.middles(), marks, view)
             axes.plot(centres[:, 0], centres[:, 2], color=INK, lw=0.9, marker="o", ms=1.6)
         mapped = ScalarMappable(norm, colormaps["viridis"])
-        bar = figure.colorbar(mapped, cax=plots[-1], orientation="horizontal", ticks=_STEPS)
+        bar = figure.colorbar(mapped, cax=plots[-1], orientation="horizontal", ticks=_DISTANCE_STEPS)
         bar.ax.set_xlabel("distance of the scan from the skin [mm]", fontsize=8.5)
         words = f"grey: invented ({100.0 * fit.invented:.0f} % of the skin)"
         figure.text(0.02, 0.02, words, fontsize=8.0, color=FAINT)

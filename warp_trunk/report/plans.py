@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from warp_trunk.results.bands import Effects
     from warp_trunk.spine import CobbAngle
 
-SAME = 1e-3
+SAME_POINT = 1e-3
 """Points of one patient before surgery differ by no more than files round [mm]."""
 
 
@@ -54,7 +54,7 @@ def check_plans(results: Sequence[Result]) -> None:
             )
         pairs = (first.skin_before.vertices, result.skin_before.vertices), (ours.points, its.points)
         same = ours.names == its.names and all(
-            a.shape == other.shape and np.abs(a - other).max() <= SAME for a, other in pairs
+            a.shape == other.shape and np.abs(a - other).max() <= SAME_POINT for a, other in pairs
         )
         if not same:
             raise InputError(

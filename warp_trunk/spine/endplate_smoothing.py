@@ -15,7 +15,7 @@ _STRENGTH = 900.0
 and as much comes from taking the largest angle of a line that is not exact."""
 _BODY = 0.78
 """A vertebral body takes this part of the way from one middle to the next."""
-_LEAST = 5
+_LEAST_VERTEBRAE = 5
 """The errors of fewer vertebrae cannot be estimated."""
 
 
@@ -52,7 +52,7 @@ def endplate_smoothing(endplates: np.ndarray, expected: float = 0.0) -> Endplate
         expected: the error of landmarks, each axis [mm], that have none yet, such as those of a plan.
     """
     complete = np.flatnonzero(np.isfinite(endplates).all(axis=(1, 2)))
-    if len(complete) < _LEAST:
+    if len(complete) < _LEAST_VERTEBRAE:
         return None
     points = endplates[complete]
     steps = np.linalg.norm(np.diff(points.mean(axis=1), axis=0), axis=1)

@@ -24,7 +24,7 @@ SHORTS_FACES = 2 * COLUMNS * (SHORTS - 1)
 """Of the triangles of the cloth the first so many are the shorts."""
 OUT, EDGE = 4.0, 1.5
 """Distance of the cloth from the hull of the skin, and at the neckline [mm]."""
-_STEP = 4.0
+_SECTION_STEP = 4.0
 """Distance of the sections that the cloth is made from [mm]."""
 _WHOLE = 0.9
 """The lowest sections whose sizes are less than this part of the next are left out: a cut that is not level meets
@@ -86,7 +86,7 @@ def cloth_of(skin: Surface, landmarks: Landmarks) -> np.ndarray:
 
     across = asis_axis(landmarks)
     axes, spine = np.array([across, [-across[1], across[0]]]), spine_of(landmarks)
-    heights = np.arange(skin.vertices[:, 2].min() + 1.0, skin.vertices[:, 2].max() - 1.0, _STEP)
+    heights = np.arange(skin.vertices[:, 2].min() + 1.0, skin.vertices[:, 2].max() - 1.0, _SECTION_STEP)
     order = np.argsort(spine.centroids[:, 2])
     line = [np.interp(heights, spine.centroids[order, 2], spine.centroids[order, k]) for k in (0, 1)]
     hulls = []
@@ -142,7 +142,8 @@ def _neckline(reach: np.ndarray, heights: np.ndarray, turn: np.ndarray, spine: S
     beside, behind = np.cos(turn), np.sin(turn)
     clamp = neck + _NECK - _FRONT * np.maximum(-behind, 0.0) ** 2 - _BEHIND * np.maximum(behind, 0.0) ** 2
     wide = reach[np.argmin(np.abs(heights - (neck - 30.0)))]
-    half = max(_STRAP * 0.5 * (wide[0] + wide[len(wide) // 2]), _STEP)  # few vertices may leave the middle outside
+    # few vertices may leave the middle outside
+    half = max(_STRAP * 0.5 * (wide[0] + wide[len(wide) // 2]), _SECTION_STEP)
     ring = 1.0 / np.sqrt((beside / half) ** 2 + (behind / (0.5 * half)) ** 2)
     inside = (reach >= ring) & (heights[:, None] <= clamp)
     return heights[len(heights) - 1 - np.argmax(inside[::-1], axis=0)]

@@ -71,16 +71,16 @@ def test_the_skin_is_closed_and_where_the_body_is(made):
     assert [plane.unit[2] for plane in made.cuts] == [-1.0]
 
 
-SAME: dict[str, Callable[[Path], Path]] = {
+SAME_SOURCES: dict[str, Callable[[Path], Path]] = {
     "masks": lambda folder: write_masks(folder / "masks"),
     "LPS": lambda folder: write_seg_nrrd(folder / "a.seg.nrrd"),
     "RAS": lambda folder: write_seg_nrrd(folder / "a.seg.nrrd", "right-anterior-superior"),
 }
 
 
-@pytest.mark.parametrize("form", SAME)
+@pytest.mark.parametrize("form", SAME_SOURCES)
 def test_every_form_of_a_label_map_gives_the_same_bones(made, files, tmp_path, form):
-    source = read_source(SAME[form](tmp_path))
+    source = read_source(SAME_SOURCES[form](tmp_path))
     own_body = form == "masks"
     assert (source.ignored, source.empty) == ((["spleen"], ["T9"]) if own_body else ([], []))
     again = import_case(source, None if own_body else read_body(files[1]), "a", QUICK)
@@ -211,7 +211,7 @@ def test_a_real_ct_is_imported_as_far_as_it_reaches(tmp_path, capsys):
 
 
 SHAPE = (512, 512, 900)
-MOST = 3e9
+MOST_BYTES = 3e9
 """Bytes."""
 # Not ru_maxrss: a process inherits that of the one that began it.
 READ = """
@@ -242,4 +242,4 @@ def test_a_large_map_is_read_within_three_gigabytes(tmp_path):
     assert run.returncode == 0, run.stderr[-500:]
     masks, *shape, memory = run.stdout.replace("(", "").replace(")", "").replace(",", "").split()
     assert (int(masks), tuple(map(int, shape))) == (6, SHAPE)
-    assert float(memory) < MOST
+    assert float(memory) < MOST_BYTES

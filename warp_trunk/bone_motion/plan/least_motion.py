@@ -30,7 +30,7 @@ _TARGET, _LIMIT = 1e3, 1e4
 """Weights against motion, of a degree or mm off a target, and of one past a limit."""
 _NEAR = 0.5
 """How exactly the nearest that can be met is found [degrees or mm]."""
-_STEP = 1e-6
+_DERIVATIVE_STEP = 1e-6
 """How far an unknown is moved for a derivative."""
 _MET = 0.05
 """A target that is missed by less is met [degrees or mm]."""
@@ -161,8 +161,8 @@ def _solved(limits: Limits, targets: Sequence[Target], free: np.ndarray) -> Plac
         return values
 
     def slopes(x: np.ndarray) -> np.ndarray:
-        residual, *varied = rows(x + _STEP * np.eye(len(x) + 1, len(x), -1))
-        jacobian = (np.array(varied) - residual).T / _STEP
+        residual, *varied = rows(x + _DERIVATIVE_STEP * np.eye(len(x) + 1, len(x), -1))
+        jacobian = (np.array(varied) - residual).T / _DERIVATIVE_STEP
         jacobian[limited:][residual[limited:] <= 0.0] = 0.0
         return jacobian
 

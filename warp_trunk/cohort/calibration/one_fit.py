@@ -44,7 +44,7 @@ of the model; assumed."""
 SETTLED = 0.1
 """How far a skin may be from its equilibrium [mm]: no scanner resolves it, and tissue that is caught between
 two bones deep inside, where a relaxation ends STALLED, leaves less open."""
-MOST_KEPT = 16
+MOST_CACHED = 16
 """Cases of which a worker keeps mesh and places between rounds, of some 30 MB each."""
 CONSTANT_STEP = 1e-2
 """Part of what is believed of a constant by which it is changed for a difference."""
@@ -150,7 +150,7 @@ class _MeshedCase(NamedTuple):
     """Vertices of the skin at which it is compared, chosen by the skin before, shape (places,)."""
 
 
-@lru_cache(maxsize=MOST_KEPT)
+@lru_cache(maxsize=MOST_CACHED)
 def _meshed(key: str, folder: Path, align_pelvis: bool, mesh: MeshOptions) -> _MeshedCase:
     """Reads and meshes a case, once on each worker for as long as `key` is the same.
 

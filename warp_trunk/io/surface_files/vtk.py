@@ -249,7 +249,7 @@ class _File:
         )
 
 
-_MOST = 2_000_000_000
+_MOST_BYTES = 2_000_000_000
 """An array is never unpacked to more than this [bytes]."""
 _BLANKS = re.compile(rb"\s+")
 _CELLS = ("connectivity", "offsets", "types")
@@ -395,7 +395,7 @@ class _Arrays:
             raise FormatError(f"it is packed by {self._packer}, which is not read; save it with ZLib, or unpacked")
         size = self._header.itemsize
         blocks, each, last = np.frombuffer(_bytes(content, 3 * size, raw), self._header).tolist()
-        if max(blocks - 1, 0) * each + (last or each) > _MOST or blocks * size > len(content):
+        if max(blocks - 1, 0) * each + (last or each) > _MOST_BYTES or blocks * size > len(content):
             raise FormatError(f"an array says {blocks} blocks of {each} bytes, more than any surface has")
         packed = np.frombuffer(_bytes(content, (3 + blocks) * size, raw), self._header)[3:].tolist()
         head = (3 + blocks) * size

@@ -19,7 +19,7 @@ from ..deformity.patient_spine import PatientSpine, spine_line
 from ..deformity.spine_curve import endplates_of
 from .body import posterior_spines
 
-FEWEST = 2000
+FEWEST_SEEN = 2000
 """A scan of fewer points shows no back."""
 EXTENT = (250.0, 10000.0)
 """The largest extent of a scan with its surroundings is between these [mm]."""
@@ -69,14 +69,14 @@ def clean_scan(points: np.ndarray, inner: np.ndarray, what: str = "back", spine:
         spine: name of `inner` in an error.
 
     Raises:
-        InputError: fewer than `FEWEST` points, a scan that is too large or too small for a back in mm, or one that
-            does not lie behind the spine.
+        InputError: fewer than `FEWEST_SEEN` points, a scan that is too large or too small for a back in mm, or one
+            that does not lie behind the spine.
     """
     from scipy.spatial import KDTree  # heavy
 
-    if len(points) < FEWEST:
+    if len(points) < FEWEST_SEEN:
         cure = "give the whole scan, without thinning it"
-        raise InputError(f"{what}: a back needs {FEWEST} points, and there are {len(points)}; {cure}")
+        raise InputError(f"{what}: a back needs {FEWEST_SEEN} points, and there are {len(points)}; {cure}")
     extent = float(np.ptp(points, axis=0).max())
     if not EXTENT[0] <= extent <= EXTENT[1]:
         fits = [f"--units {unit}" for unit, size in (("cm", 10.0), ("m", 1000.0)) if 250 <= extent * size <= 2500]
@@ -143,7 +143,7 @@ _ABOVE, _BELOW = 15.0, 30.0
 """The scan reaches this far above C7 and below the iliac spines [mm]."""
 _BESIDE = 170.0
 """And this far to either side of the middle [mm]; what is beyond are arms."""
-_EACH = 9.0
+_POINT_AREA = 9.0
 """Area of skin for each point [mm^2]."""
 
 
@@ -164,7 +164,7 @@ def cut_back(case: Case, noise: float = 0.3, seed: int = 0) -> tuple[np.ndarray,
     ends = endplates_of(landmarks)
     vectors = area_vectors(skin.vertices, skin.faces)
     area, normal = np.linalg.norm(vectors, axis=1), unit(vectors)
-    face = rng.choice(len(area), int(area.sum() / _EACH), p=area / area.sum())
+    face = rng.choice(len(area), int(area.sum() / _POINT_AREA), p=area / area.sum())
     weights = rng.dirichlet(np.ones(3), len(face))
     points = np.einsum("nk,nki->ni", weights, skin.vertices[skin.faces[face]])
     top, x = ends[0, 0], points[:, 0] - psis[:, 0].mean()

@@ -17,7 +17,7 @@ from ..deformity.spine_curve import VertebraPose, smooth_track
 
 TURN_SD = {"line": 6.0, "pedicles": 4.0, "landmarks": 3.0}
 """Standard deviation of the turn of a vertebra by what is known of the spine [degrees]."""
-_EACH = 3.0
+_SAMPLE_DISTANCE = 3.0
 """The smoothed line is sampled at this distance [mm]."""
 
 
@@ -42,10 +42,10 @@ def smoothed(line: np.ndarray) -> np.ndarray:
     """The line as smooth as a spine is, sampled evenly and continued straight at both ends, shape (n, 3) [mm]."""
     line = line[np.append(True, np.diff(arc_length(line)) > 1e-6)]
     long = arc_length(line)[-1]
-    fine = smooth_track(line, line)(np.arange(0.0, long + _EACH, _EACH).clip(max=long))
+    fine = smooth_track(line, line)(np.arange(0.0, long + _SAMPLE_DISTANCE, _SAMPLE_DISTANCE).clip(max=long))
     first = unit((fine[:4] - fine[4:8]).mean(axis=0))
     last = unit((fine[-4:] - fine[-8:-4]).mean(axis=0))
-    steps = np.arange(1, 30)[:, None] * _EACH
+    steps = np.arange(1, 30)[:, None] * _SAMPLE_DISTANCE
     return np.vstack([fine[0] + steps[::-1] * first, fine, fine[-1] + steps * last])
 
 

@@ -16,7 +16,7 @@ from .mask import Mask
 
 _REACH = 120.0
 """The fat is followed to this depth [mm]."""
-_STEP = 0.25
+_RAY_STEP = 0.25
 """Between two points of a ray [mm]."""
 _BEGINS = 8.0
 """Fat that begins deeper than this under the skin is not that under the skin [mm]."""
@@ -57,7 +57,7 @@ def fat_thickness(
     )
     if not measured.any():
         raise InputError("import: the masks of fat and muscle reach no part of the body; give those of this image")
-    depths = np.arange(0.0, _REACH + _STEP, _STEP)
+    depths = np.arange(0.0, _REACH + _RAY_STEP, _RAY_STEP)
     ends = np.zeros(len(skin.vertices))
     for some in np.array_split(np.flatnonzero(measured), max(1, len(ends) // 2000)):  # for the memory
         points = skin.vertices[some, None] - depths[:, None] * normals[some, None]
@@ -82,7 +82,7 @@ def _ends(fat: np.ndarray, muscle: np.ndarray) -> np.ndarray:
     steps = np.arange(fat.shape[1])
     since = steps - np.maximum.accumulate(np.where(fat, steps, -1), axis=1)  # points since the last fat
     first = fat.argmax(axis=1)
-    over = (steps > first[:, None]) & ((since * _STEP > _GAP) | muscle)
+    over = (steps > first[:, None]) & ((since * _RAY_STEP > _GAP) | muscle)
     end = np.where(over.any(axis=1), over.argmax(axis=1), fat.shape[1] - 1)
     last = end - since[np.arange(len(fat)), end]
-    return np.where(fat.any(axis=1) & (first * _STEP <= _BEGINS), (last + 0.5) * _STEP, 0.0)
+    return np.where(fat.any(axis=1) & (first * _RAY_STEP <= _BEGINS), (last + 0.5) * _RAY_STEP, 0.0)

@@ -40,7 +40,7 @@ from .segmentation_checks import (
 )
 from .skin import body_skin, check_cuts
 from .sources import CARTILAGES, FAT, MUSCLE, SKIN, Source
-from .surfaces import LEAST, BoneShape, bone_shape
+from .surfaces import LEAST_VOXELS, BoneShape, bone_shape
 
 _AT_ARMS = ("humerus", "scapula")
 """Bones that say where the arms begin, by how their names begin."""
@@ -127,9 +127,9 @@ def import_case(
             notes += more
     of_case = partial(of_trunk, girdle=options.more_bones)
     wanted = {n for n in (*masks, *source.surfaces) if of_case(n) or n.startswith(_AT_ARMS)}
-    few = {n: count for n in masks if n in wanted and (count := np.count_nonzero(masks[n].inside)) < LEAST}
+    few = {n: count for n in masks if n in wanted and (count := np.count_nonzero(masks[n].inside)) < LEAST_VOXELS}
     notes += [
-        f"{n}: left out, as it has {count} voxels, and {LEAST} are needed; look at this label."
+        f"{n}: left out, as it has {count} voxels, and {LEAST_VOXELS} are needed; look at this label."
         for n, count in few.items()
     ]
     labels = sorted(n for n in masks if n in wanted and n not in few)

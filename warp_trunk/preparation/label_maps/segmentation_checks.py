@@ -32,7 +32,7 @@ _OTHER_SIZE = 0.0005
 _APART, _OUTSIDE, _SAMPLE = 1.0, 0.05, 500
 """Headers of one image place a voxel alike within this [mm]; more than this share of a bone outside the body says
 that they do not fit; number of voxels of a bone that are tried."""
-_LEAST = 400.0
+_LEAST_BORDER_AREA = 400.0
 """A smaller part of the skin at the border is a corner of the image [mm2]."""
 
 
@@ -265,7 +265,7 @@ def doubts_of_image(masks: Mapping[str, Mask], body: Mask | None, spine: Mapping
         local = side * (body.shape[axis] - 1) - body.first[axis]
         where = np.argwhere(body.inside.take(local, axis=axis))
         area = len(where) * body.voxel_volume / float(body.spacing[axis])
-        if area < _LEAST:
+        if area < _LEAST_BORDER_AREA:
             continue
         heights = body.place(np.insert(where, axis, local, axis=1))[:, 2]
         low, high = float(heights.min()), float(heights.max())

@@ -37,7 +37,7 @@ _TOLERANCE = 0.1
 """How far coarsening may move the skin, in edge lengths; it is moved back afterwards."""
 _TO_SKIN = 3.0
 """How far a vertex of the coarser surface may be moved back onto the skin [mm]."""
-_STEP = 1.0
+_HALF_STEP = 1.0
 """Half of the distance over which the slope of the field is taken [mm]."""
 _BORDER = 2
 """Blocks of the outside around all."""
@@ -121,7 +121,8 @@ class _Field:
         moved = np.zeros(len(vertices))
         for _ in range(3):
             ends = vertices + moved[:, None] * normals
-            slope = (self.at(ends + _STEP * normals) - self.at(ends - _STEP * normals)) / (2.0 * _STEP)
+            step = _HALF_STEP * normals
+            slope = (self.at(ends + step) - self.at(ends - step)) / (2.0 * _HALF_STEP)
             moved -= self.at(ends) / np.maximum(slope, 0.5)
             moved = np.clip(moved, -_TO_SKIN, _TO_SKIN)
         for share in (1.0, 0.5):

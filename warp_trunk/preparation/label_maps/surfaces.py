@@ -15,7 +15,7 @@ from .mask import Mask, distance, factors_below, reduced
 
 _FINE = 1.65
 """Voxels are joined in blocks whose sides stay below this [mm]: bones are meshed at 4 mm in the end."""
-LEAST = 30
+LEAST_VOXELS = 30
 """A label of fewer voxels is no bone."""
 _ROOM = 3
 """Voxels of the outside around the box."""
@@ -57,8 +57,8 @@ def bone_shape(mask: Mask, name: str, smoothing: float) -> BoneShape:
     """
     from scipy import ndimage  # heavy
 
-    if (count := np.count_nonzero(mask.inside)) < LEAST:
-        raise InputError(f"{name}: has {count} voxels, {LEAST} are needed; look at this label")
+    if (count := np.count_nonzero(mask.inside)) < LEAST_VOXELS:
+        raise InputError(f"{name}: has {count} voxels, {LEAST_VOXELS} are needed; look at this label")
     largest, sizes = largest_piece(mask.inside)
     volume = float(sizes[0]) * mask.voxel_volume
     factors = factors_below(_FINE, mask.spacing)

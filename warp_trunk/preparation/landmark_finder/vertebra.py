@@ -139,7 +139,7 @@ def _direction(plane: np.ndarray) -> np.ndarray:
 
 _SPECK = 10.0
 """A part of a section smaller than this is no part of a bone [mm2]."""
-_STEP = 0.5
+_OUTLINE_STEP = 0.5
 """Distance of points along an outline [mm]."""
 
 
@@ -181,7 +181,7 @@ def coronal(surface: Surface, back: float) -> list[np.ndarray]:
 def outline(loop: np.ndarray) -> np.ndarray:
     """Points at equal steps along a loop (k, 2), so that short edges count no more than long ones."""
     ring = np.vstack([loop, loop[:1]])
-    return points_along(ring, np.arange(0.0, arc_length(ring)[-1], _STEP))
+    return points_along(ring, np.arange(0.0, arc_length(ring)[-1], _OUTLINE_STEP))
 
 
 def centroid(loop: np.ndarray) -> np.ndarray:

@@ -104,7 +104,7 @@ _STILL = 0.01
 """Scans that move less than this in a round [mm] have arrived."""
 _FAR = 10.0
 """Scans may be this far from where they belong [mm]."""
-_FEWEST = 50
+_FEWEST_COMMON = 50
 """Fewer points in common than this say nothing about a rotation."""
 
 
@@ -158,8 +158,8 @@ def align_parts(parts: Mapping[str, Surface]) -> tuple[dict[str, Surface], dict[
             system += row.T @ row
             right -= row.T @ off
         least = count.argmin()
-        if count[least] < _FEWEST:
-            reach = f"{count[least]:.0f} vertices, and needs {_FEWEST} to be refined"
+        if count[least] < _FEWEST_COMMON:
+            reach = f"{count[least]:.0f} vertices, and needs {_FEWEST_COMMON} to be refined"
             raise InputError(f"{names[least]}: overlaps the other parts in {reach}; give scans that overlap more")
         motions = np.zeros((len(names), 6))  # the first one stays
         motions[1:] = np.linalg.lstsq(system[6:, 6:], right[6:], rcond=1e-9)[0].reshape(-1, 6)
