@@ -32,8 +32,14 @@ def start_warp() -> None:
     """
     import warp as wp
 
-    sys.stderr.flush()
-    stderr = os.dup(2)
+    if sys.stderr is not None:  # as in a program without a console
+        sys.stderr.flush()
+    _find_cache()
+    try:
+        stderr = os.dup(2)
+    except OSError:  # closed
+        wp.init()
+        return
     with tempfile.TemporaryFile() as aside:
         os.dup2(aside.fileno(), 2)
         try:
@@ -44,18 +50,33 @@ def start_warp() -> None:
         aside.seek(0)
         cache = Path(wp.config.kernel_cache_dir or "")
         if shutil.disk_usage(cache).free < _LEAST_SPACE:
-            wp.config.kernel_cache_dir = os.environ["WARP_CACHE_PATH"] = aside_of(cache)
+            wp.config.kernel_cache_dir = os.environ["WARP_CACHE_PATH"] = aside_of(cache, "is full")
         drop_damaged_kernels(cache)
         for line in aside.read().decode(errors="replace").splitlines():
             if "Could not find or load the NVIDIA CUDA driver" not in line:
                 print(line, file=sys.stderr)
 
 
-def aside_of(cache: Path) -> str:
-    """A folder of temporary files in place of a full one; it is removed at the end of the program."""
+def _find_cache() -> None:
+    """Has Warp compile into a temporary folder where its own, in the user's home, cannot be written."""
+    if sys.platform == "win32" or os.environ.get("WARP_CACHE_PATH"):
+        return
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")) / "warp"
+    try:
+        if not cache.is_absolute():
+            raise OSError(None, "this user has no home")
+        cache.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=cache).close()
+    except OSError as error:
+        why = f"cannot be written to ({error.strerror}; set WARP_CACHE_PATH to a folder of your own)"
+        os.environ["WARP_CACHE_PATH"] = aside_of(cache, why)
+
+
+def aside_of(cache: Path, why: str) -> str:
+    """A folder of temporary files in place of one that is full; it is removed at the end of the program."""
     place = tempfile.mkdtemp(prefix="warp_trunk_kernels_")
     atexit.register(shutil.rmtree, place, ignore_errors=True)
-    print(f"warp-trunk: {cache}: is full; kernels are compiled into {place} and not kept", file=sys.stderr)
+    print(f"warp-trunk: {cache}: {why}; kernels are compiled into {place} and not kept", file=sys.stderr)
     return place
 
 

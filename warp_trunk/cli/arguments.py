@@ -1,6 +1,8 @@
 """Flags of the command line, made of the fields of a command's dataclass by tyro."""
 
 import io
+import os
+import shutil
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import is_dataclass, replace
@@ -21,6 +23,8 @@ from tyro.constructors import (
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 
+NARROWEST = 40
+"""Columns of a screen for which help is laid out at least; tyro never ends in fewer than about ten."""
 ONLY_IN_PYTHON = frozenset({"radius_edge_ratio", "constants"})
 """Fields that are no options of a command: only studies need them, or other options fill them."""
 
@@ -39,6 +43,7 @@ def parse(command: Any, arguments: Sequence[str]) -> Any:
         InputError: arguments that do not fit.
         SystemExit: after the help that they ask for.
     """
+    os.environ["COLUMNS"] = str(max(NARROWEST, shutil.get_terminal_size().columns))
     name, *words = arguments
     common = getattr(command, "common", None)
     all_shown = "--help" if common is None else "--help-all"

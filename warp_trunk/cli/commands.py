@@ -85,12 +85,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a command; returns its exit status, 0 only for a simulation that converged."""
     if arguments is None:
         arguments = sys.argv[1:]
+        _open_streams()
         atexit.register(gc.freeze)  # Python would look for garbage in all that is left, for a third of a second
         # BLAS would keep a thread on every core, which waits there for its next product and holds up our own
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-        for stream in (sys.stdout, sys.stderr):
-            if isinstance(stream, io.TextIOWrapper):  # a file in UTF-8 on every system; a screen as well as it can
-                stream.reconfigure(encoding=None if stream.isatty() else "utf-8", errors="replace")
     if arguments and arguments[0] in ("-h", "--help"):
         print(overview())
         return OK
@@ -112,6 +110,38 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("warp-trunk: interrupted", file=sys.stderr)
         return INTERRUPTED
+
+
+class _Pipe(io.FileIO):
+    """Where words go; a command goes on and writes its files if its reader leaves before the end."""
+
+    def write(self, words: Any, /) -> int:
+        """The number of bytes that were taken."""
+        try:
+            return super().write(words) or 0
+        except BrokenPipeError:
+            return len(words)
+
+
+def _open_streams() -> None:
+    """Has both streams take every word: a file gets UTF-8 on every system, a screen what it can show.
+
+    Streams that are closed, or missing as under pythonw, lead nowhere, so that no file of the program takes
+    their numbers.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the least free number
+    for name, number in (("stdout", 1), ("stderr", 2)):
+        stream = getattr(sys, name)
+        if stream is not None and stream.isatty():
+            stream.reconfigure(errors="replace")
+        elif stream is None or isinstance(stream, io.TextIOWrapper):
+            buffer = io.BufferedWriter(_Pipe(number, "w", closefd=False))
+            text = io.TextIOWrapper(buffer, "utf-8", errors="replace", line_buffering=name == "stderr")
+            setattr(sys, name, text)
 
 
 def _loaded(arguments: list[str]) -> Any:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -11,6 +13,10 @@ from warp_trunk.errors import InputError
 
 LOCK = ".lock"
 """The file that the process writing into a folder holds, with its number."""
+
+WITHOUT_LOCKS = errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP
+"""Errors of file systems that have no locks, such as some that are mounted over a network."""
+UNLOCKED = "this file system has no locks; let no other process write there until this one ends"
 
 
 def make_writable(folder: Path, what: str) -> None:
@@ -66,6 +72,10 @@ def locked(folder: Path) -> Iterator[None]:
         raise InputError(
             f"{folder}: {owner} writes its result here; wait for its end or give another --out"
         ) from None
+    except (OSError, NotImplementedError) as error:
+        if isinstance(error, OSError) and error.errno not in WITHOUT_LOCKS:
+            raise
+        warnings.warn(f"{folder}: {UNLOCKED}", stacklevel=2)
     try:
         with suppress(OSError):
             path.write_bytes(b"%d\n" % os.getpid())

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import atexit
 import os
+import shutil
 import tempfile
 import warnings
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import fields
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +30,19 @@ def cache_folder() -> Path:
     """Where meshes are kept: WARP_TRUNK_CACHE if set, else the place this system has for such files."""
     if variable := os.environ.get("WARP_TRUNK_CACHE"):
         return Path(variable)
-    return platformdirs.user_cache_path("warp-trunk", appauthor=False)
+    with suppress(RuntimeError):  # of a user without a home
+        folder = platformdirs.user_cache_path("warp-trunk", appauthor=False)
+        if folder.is_absolute():
+            return folder
+    return _temporary_folder()
+
+
+@cache
+def _temporary_folder() -> Path:
+    """A folder for this process, removed at its end."""
+    place = tempfile.mkdtemp(prefix="warp_trunk_meshes_")
+    atexit.register(shutil.rmtree, place, ignore_errors=True)
+    return Path(place)
 
 
 def cache_key(skin: Surface, bones: Mapping[str, Surface], options: str) -> str:

@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+import os
 import platform
+import re
 import shutil
 import subprocess
 import tempfile
+import warnings
 import webbrowser
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
+from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import warp as wp
+from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
 
 from warp_trunk.engine.parallel import choose_threads
 from warp_trunk.engine.waking import waking_way
+from warp_trunk.io.folders import UNLOCKED, locked
 from warp_trunk.kernels.starting import start_warp
 from warp_trunk.meshing.cache import cache_folder
 from warp_trunk.meshing.tetrahedra import mean_ratio, run_tetgen
@@ -52,9 +60,14 @@ def examine(results: Path) -> Iterator[Finding]:
     Args:
         results: the folder in which result folders are to be made.
     """
+    stated = required_versions()
     for name, version in versions().items():
-        cure = "" if version else f"install it: uv sync, or pip install {name}"
-        yield Finding(name, version or "not found", cure, needed=True)
+        wanted = stated.pop(name, SpecifierSet())
+        yield _version(name, version, wanted)
+    for name, wanted in stated.items():  # the others only where something is wrong
+        finding = _version(name, _installed(name), wanted)
+        if finding.cure:
+            yield finding
     yield Finding("processor", f"{platform.machine()}, {choose_threads(0)} cores for this process")
     yield Finding("threads", f"woken by {waking_way()}")
     start_warp()  # which drops kernels that are cut off
@@ -64,7 +77,8 @@ def examine(results: Path) -> Iterator[Finding]:
         "TetGen": (_tetgen, True, f"{again} tetgen, or simulate --from-mesh"),
         "kernels": (_kernel, True, f"delete {kernels} and try again; {again} warp-lang"),
         "meshes kept": (partial(_cache, cache_folder()), False, "set WARP_TRUNK_CACHE to another folder"),
-        "kernels kept": (partial(_cache, kernels), True, "set WARP_CACHE_PATH to another folder"),
+        "kernels kept": (partial(_cache, kernels), False, "set WARP_CACHE_PATH to another folder"),
+        "locks": (partial(_locks, results), False, "let no two commands write to one folder at the same time"),
         "results": (partial(_results, results), True, "go to a folder with space, or give simulate --out one"),
         "Rerun's viewer": (_viewer, False, f"{again} rerun-sdk, or simulate --no-record"),
         "display": (_display, False, WITHOUT_DISPLAY),
@@ -74,8 +88,39 @@ def examine(results: Path) -> Iterator[Finding]:
         try:
             answer = probe()
             yield Finding(name, answer if isinstance(answer, str) else "there is one")
-        except (OSError, ImportError, RuntimeError, subprocess.TimeoutExpired, webbrowser.Error) as error:
-            yield Finding(name, str(error), cure, needed)
+        except Exception as error:  # whatever one part says, the others are looked at
+            yield Finding(name, str(error) or type(error).__name__, cure, needed)
+
+
+def required_versions() -> dict[str, SpecifierSet]:
+    """The versions that the program needs of each package, without those of its extras."""
+    every = [Requirement(text) for text in metadata.requires("warp-trunk") or ()]
+    core = [need for need in every if need.marker is None or need.marker.evaluate({"extra": ""})]
+    return {need.name: need.specifier for need in core}
+
+
+def _installed(name: str) -> str | None:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _version(name: str, version: str | None, wanted: SpecifierSet) -> Finding:
+    if version is None:
+        return Finding(name, "not found", f"install it: uv sync, or pip install '{name}{wanted}'", needed=True)
+    if wanted.contains(version, prereleases=True):
+        return Finding(name, version)
+    place = metadata.distribution(name).locate_file("")
+    outside = f"; it comes from PYTHONPATH: unset that, or take {place} out" if _of_python_path(place) else ""
+    cure = f"install it again: uv sync, or pip install '{name}{wanted}'{outside}"
+    return Finding(name, f"{version} in {place}, and {wanted} is needed", cure, needed=True)
+
+
+def _of_python_path(place: Any) -> bool:
+    """Whether packages in a folder are found because PYTHONPATH names it."""
+    named = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    return any(entry and Path(entry).resolve() == Path(str(place)).resolve() for entry in named)
 
 
 def _tetgen() -> str:
@@ -118,8 +163,16 @@ def _graphics() -> str:
     return f"{named}; its driver supports CUDA {driver}"
 
 
+_TEMPORARY = re.compile(r"warp_trunk_(kernels|meshes)_")
+"""A folder in place of a cache that cannot be written to."""
+
+
 def _cache(folder: Path) -> str:
-    _writable(folder)
+    free = shutil.disk_usage(_writable(folder)).free
+    if any(_TEMPORARY.match(part) for part in folder.parts):
+        raise OSError(f"{folder}: used by this process alone, as the cache of this user cannot be written to")
+    if free < LEAST_SPACE:
+        raise OSError(f"{folder}: {free / 1e6:.0f} MB free; kept files need {LEAST_SPACE / 1e6:.0f} MB")
     sizes = [path.stat().st_size for path in folder.rglob("*") if path.is_file()]
     return f"{folder}: {len(sizes)} files, {sum(sizes) / 1e6:.0f} MB; may be deleted at any time"
 
@@ -129,6 +182,20 @@ def _results(folder: Path) -> str:
     if free < LEAST_SPACE:
         raise OSError(f"{folder}: {free / 1e6:.0f} MB free; a result needs {LEAST_SPACE / 1e6:.0f} MB")
     return f"{folder}: can be written to, {free / 1e9:.1f} GB free"
+
+
+def _locks(folder: Path) -> str:
+    nearest = _writable(folder)
+    with (
+        tempfile.TemporaryDirectory(dir=nearest, prefix=".locks-") as place,
+        warnings.catch_warnings(record=True) as said,
+    ):
+        warnings.simplefilter("always")
+        with locked(Path(place)):
+            pass
+    if said:
+        raise OSError(f"{folder}: {UNLOCKED}")
+    return f"{folder}: its files can be locked"
 
 
 def _viewer() -> str:
