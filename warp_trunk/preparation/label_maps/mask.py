@@ -71,9 +71,10 @@ class Mask:
         for axis, side in self.faces_at_border():
             layer = inside[(slice(None),) * axis + (side * -1,)]
             layer[:] = ndimage.binary_fill_holes(layer)
-        padded = np.pad(inside, 2)
-        labelled: Any = ndimage.label(np.logical_not(ndimage.binary_dilation(padded)))
-        outside = np.asarray(ndimage.binary_dilation(labelled[0] == labelled[0][0, 0, 0])) & ~padded
+        inside = np.pad(inside, 2)
+        outside = _reached(np.asarray(ndimage.binary_dilation(inside)))
+        grown = np.asarray(ndimage.binary_dilation(outside))
+        np.greater(grown, inside, out=outside)
         return replace(self, inside=~outside[2:-2, 2:-2, 2:-2])
 
     def part(self, inside: np.ndarray) -> Mask | None:
@@ -107,6 +108,38 @@ def joined(first: Mask, other: Mask) -> Mask | None:
         box = zip(mask.first - low, mask.inside.shape, strict=True)
         inside[tuple(slice(start, start + n) for start, n in box)] |= mask.inside
     return replace(first, inside=inside, first=tuple(low.tolist()))
+
+
+def _reached(wall: np.ndarray) -> np.ndarray:
+    """Which voxels the first one reaches around a wall, bool, shape (i, j, k), in place of the wall.
+
+    Pieces of single layers are linked to those of the next: numbers for all voxels at once would take four times
+    the memory of the image.
+    """
+    from scipy import ndimage  # heavy
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    def numbered(layer: int) -> tuple[np.ndarray, int]:
+        pieces: Any = ndimage.label(~wall[..., layer])
+        return pieces
+
+    before, links, first = np.zeros(wall.shape[:2], dtype=np.int32), [], [0]
+    for layer in range(wall.shape[2]):
+        pieces, count = numbered(layer)
+        pieces = np.where(pieces > 0, pieces + first[-1], 0)
+        pairs = np.stack([before, pieces])[:, (pieces > 0) & (before > 0)]
+        links.append(pairs[:, np.append(True, np.diff(pairs).any(axis=0))[: pairs.shape[1]]])
+        first.append(first[-1] + count)
+        before = pieces
+    upper, lower = np.hstack(links)
+    graph = coo_array((np.ones(len(upper), dtype=bool), (upper, lower)), shape=(first[-1] + 1, first[-1] + 1))
+    part = connected_components(graph, directed=False)[1]
+    open_part = part[1:] == part[1]
+    for layer in range(wall.shape[2]):
+        pieces, _ = numbered(layer)
+        wall[..., layer] = np.append(False, open_part[first[layer] : first[layer + 1]])[pieces]
+    return wall
 
 
 def boxes(labels: np.ndarray) -> dict[int, tuple[slice, slice, slice]]:
