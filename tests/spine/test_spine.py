@@ -13,7 +13,7 @@ from support.trunk_shapes import ASIS, LEFT, ellipse, rotation, spine, tube, wit
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
-from warp_trunk.measures.outlines import INNER, OUTER, shoulder_heights
+from warp_trunk.measures.outlines import INNER, OUTER, Silhouette, hollows, shoulder_heights
 from warp_trunk.spine import CobbAngle, cobb_angles, curves_after
 from warp_trunk.spine.apical import apical_vertebrae, axial_rotation
 from warp_trunk.spine.cobb import kyphosis, lordosis, spine_height
@@ -340,13 +340,16 @@ def test_depth_and_height_of_each_side_are_those_of_its_notch():
 
 
 def test_a_hollow_of_the_chest_is_no_waist():
-    """A notch at T9 on the left, and one at L3 on the right: in a thoracic curve the upper one is the deeper."""
-    spine = known_spine()
-    heights = {level: spine.points[spine.rows_of(level), 2].mean() for level in ("T9", "L3")}
-    skin = trunk((40.0, 12.0), (heights["T9"], heights["L3"]))
-    waist = not_none(measure(skin, spine).waist)
-    assert waist.right_depth == pytest.approx(12.0, abs=2.1)
-    assert waist.left_depth < 0.5 * 40.0
+    """The left side is hollow above the height that ends the waist, by more than the right one is below it."""
+    heights = np.arange(0.0, 300.0, 8.0)
+    left, right = (
+        150.0 - depth * np.clip(1.0 - np.abs(heights - z) / 40.0, 0.0, 1.0)
+        for depth, z in ((30.0, 232.0), (12.0, 104.0))
+    )
+    outline = Silhouette(heights, np.stack([left, right]), np.zeros((2, len(heights), 2), int), 40.0, 180.0)
+    waist = hollows(outline)
+    assert (waist.left_depth, waist.right_depth) == pytest.approx((0.0, 12.0), abs=1e-9)
+    assert (waist.left_height, waist.right_height) == pytest.approx((0.0, 64.0), abs=1e-9)
 
 
 def test_straight_flanks_have_no_waist_and_a_spine_without_t8_no_measure():
