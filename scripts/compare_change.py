@@ -583,7 +583,8 @@ default plan and simulation change on bodies of girls and a woman with curves of
 {rows} rows are within**: every judged number differs from the published change by at most two standard errors of
 the study. Brackets hold the predicted change, and the published one ± its standard error, assumed where the
 abstract has none. {drawn} curves of each kind were planned; simulated were {simulated} ({tets:,} tetrahedra,
-{increments} increments, tolerance 1 mm). All of these ended CONVERGED. A curve that folds its trunk or needs more tetrahedra is left out.
+{increments} increments, tolerance 1 mm). All of these ended CONVERGED. A curve that folds its
+trunk or needs more tetrahedra is left out.
 
 ```
 python scripts/compare_change.py ANATOMY BODIES > docs/change.md
