@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING, Any
 from warp_trunk.measures.measures import measure_spine
 from warp_trunk.measures.quantities import BEFORE, PREDICTED, MeasureTable
 from warp_trunk.measures.rows import MeasureRow, as_text, skin_rows, spine_rows, under_headings
-from warp_trunk.spine.lenke import lenke_type
-from warp_trunk.spine.spine import sacral_line, spine_of
 
 from .targets import curve_around
 
@@ -111,13 +109,6 @@ class PlannedSurgery:
         before, after = (measure_spine(marks) for marks in (self.landmarks_before, self.landmarks_after))
         return spine_rows(MeasureTable.of({BEFORE: before, PREDICTED: after}), before)
 
-    @property
-    def lenke(self) -> str:
-        """Curve type by Lenke before surgery (`lenke_type`); empty without a thoracic or lumbar curve."""
-        flexibility = {c.before.apex: c.flexibility for c in self.curves if c.flexibility is not None}
-        before = self.landmarks_before
-        return lenke_type(spine_of(before), [c.before for c in self.curves], sacral_line(before), flexibility)
-
     def planned_case(self, case: Case) -> Case:
         """The case with this surgery; what is known of another, actual one is left out."""
         return replace(case, landmarks_after=self.landmarks_after, actual_skin=None, bones_after={})
@@ -145,7 +136,6 @@ def surgery_text(surgery: PlannedSurgery) -> str:
     return "\n".join(
         [
             f"Fused {plan.uiv} to {plan.liv}, unfused segments {plan.unfused}",
-            *([f"Lenke type {surgery.lenke}"] if surgery.lenke else []),
             "",
             as_text(["measure", "before", "planned", "change"], spine),
             *bends,
