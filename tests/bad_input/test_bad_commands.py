@@ -143,6 +143,7 @@ REFUSED_OPTIONS = [
     ("measure", "TOML", ["case/case.toml", "--case", "case"], "'.toml' is not known"),
     ("measure", "metres", ["metres.ply", "--case", "case"], "metres.ply: must lie where the skin of the case is"),
     ("make-case", "Cobb 1000", ["--skin", "case/skin.ply", "--cobb", "1000"], "0 to 120 degrees, not 1000"),
+    ("make-case", "correction 70", ["--skin", "case/skin.ply", "--correction", "70"], "for 70 % write 0.7"),
     ("make-case", "no vertebra", ["--skin", "case/skin.ply"], "no landmarks on 'T7': no canal between"),
     ("close", "the same file twice", ["case/skin.ply", "case/skin.ply"], "a file is given twice"),
     ("close", "no transform", ["case/skin.ply", "--transforms", "none.txt"], "none.txt: there is no such file"),

@@ -9,9 +9,11 @@ from support.biplanar import biplanar, write_films
 from support.blocks import VERTEBRA, blocks, moved, spine_and_hips
 from support.label_maps import LEVELS, NAMES, NUMBERS, labels, write_map
 from warp_trunk.case import read_case, read_checked_case, write_case
+from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.landmarks import Landmarks, read_landmarks, write_landmarks
 from warp_trunk.cli import main
 from warp_trunk.cli.back import fused
+from warp_trunk.cli.import_case import _example
 from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.preparation.phantom import straight_trunk
 from warp_trunk.spine import CobbAngle
@@ -161,3 +163,11 @@ def test_a_fusion_holds_the_apex_of_the_curve_that_it_corrects(
     curve: tuple[str, str, str], ends: tuple[str, str]
 ) -> None:
     assert fused(CobbAngle(30.0, *curve, "left")) == ends
+
+
+@pytest.mark.parametrize(
+    ("levels", "ends"),
+    [(VERTEBRAE, ("T4", "T8", "L1")), (VERTEBRAE[12:], ("L1", "L3", "L5")), ((), ("T4", "T8", "L1"))],
+)
+def test_a_plan_is_proposed_of_the_levels_that_there_are(levels, ends):
+    assert _example(levels) == ends

@@ -18,6 +18,7 @@ from support.small_case import palpated
 from support.small_trunk import curved_case, small_patient
 from warp_trunk.bone_motion.plan import read_plan
 from warp_trunk.case import read_case, write_case
+from warp_trunk.case.anatomy import PELVIC_RING
 from warp_trunk.cli import main
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.recording.viewer import free_port
@@ -97,6 +98,16 @@ def test_what_is_wrong_is_said_in_one_line(folder, refused, options, rule):
     words = [folder / "plan.toml" if option == "PLAN" else option for option in options]
     refused(["plan", folder / "case", "--out", folder / "refused", *words], rule)
     assert not (folder / "refused").exists()
+
+
+def test_a_case_without_a_pelvis_is_refused(tmp_path: Path, refused) -> None:
+    whole = palpated(whole_phantom())
+    bones = {name: bone for name, bone in whole.bones.items() if name not in PELVIC_RING}
+    write_case(tmp_path / "case", dataclasses.replace(whole, bones=bones, landmarks_after=None))
+    asked = ["--uiv", "T4", "--liv", "L1", "--curve", "T8,correction=0.6"]
+    command = ["plan", str(tmp_path / "case"), "--out", str(tmp_path / "planned"), *asked]
+    assert "has no bone of the pelvis" in refused(command)
+    assert not (tmp_path / "planned").exists()
 
 
 def test_case_is_not_overwritten(folder, refused):

@@ -94,20 +94,26 @@ class Calibrate(_Cases):
         check_file(self.out)
         options = self.of_each
         with Progress() as progress:
-            cases = self._cases(options, progress)
+            cases, broken = self._cases(options, progress)
             with connected(self.workers, self.scheduler, self.execution.device) as client:
                 progress.message(f"{len(cases)} cases; Dask's dashboard: {client.dashboard_link}")
                 calibration = calibrate(client, cases, cases[0].free, progress, priors=self.priors)
+            calibration = replace(calibration, left_out=broken | calibration.left_out)
             page = write_calibration(self.out, calibration)
         print(calibration_text(calibration))
         print(f"\nUse it: {next_command('simulate', 'CASE', '--tissue-file', self.out)}; open {page} in a browser")
         return OK if calibration.converged and not calibration.left_out else INCOMPLETE
 
-    def _cases(self, options: CohortOptions, progress: Progress) -> list[FitJob]:
-        """The cases that take part, each checked."""
-        jobs, free = [], ()
+    def _cases(self, options: CohortOptions, progress: Progress) -> tuple[list[FitJob], dict[str, str]]:
+        """The cases that take part, each checked, and why others cannot be read."""
+        jobs, free, broken = [], (), dict[str, str]()
         for folder in case_folders(self.folder):
-            case, _ = read_checked_case(folder, align=self.align_pelvis)
+            try:
+                case, _ = read_checked_case(folder, align=self.align_pelvis)
+            except InputError as error:
+                progress.message(f"{folder}: is left out, as it cannot be read: {error}")
+                broken[folder.name] = str(error)
+                continue
             study = case.study
             if self.pose not in ("all", study.pose):
                 continue
@@ -123,4 +129,4 @@ class Calibrate(_Cases):
         if not jobs:
             after = "" if self.pose == "all" else f" after {self.pose}"
             raise InputError(f"{self.folder}: no case with a spine and an actual skin{after}; add actual_skin.ply")
-        return jobs
+        return jobs, broken

@@ -81,7 +81,8 @@ class Import:
                 _write_landmarks(self.out, made)
         said, doubts = _report(made, source.ignored, source.empty)
         print("\n".join(said))
-        example = ("--uiv", "T4", "--liv", "L1", "--curve", "T8,correction=0.65")
+        ends = _example(made.case.landmarks_before.vertebrae())
+        example = ("--uiv", ends[0], "--liv", ends[2], "--curve", f"{ends[1]},correction=0.65")
         plan = next_command("plan", self.out, "--out", "planned", *example)
         try:
             more = [warning for warning in check_case(made.case) if warning not in made.notes]
@@ -95,6 +96,14 @@ class Import:
         for doubt in doubts:
             print(f"warp-trunk: {doubt}", file=sys.stderr)
         return status
+
+
+def _example(levels: Sequence[str]) -> tuple[str, str, str]:
+    """Upper end, apex and lower end of a plan: T4, T8 and L1, or of the levels that there are."""
+    usual = "T4", "T8", "L1"
+    if len(levels) < 3 or set(usual) <= set(levels):
+        return usual
+    return levels[0], levels[len(levels) // 2], levels[-1]
 
 
 def _write_landmarks(folder: Path, made: Imported) -> None:

@@ -13,6 +13,7 @@ from warp_trunk.bone_motion.plan import Plan, lenke_of, plan_surgery, read_plan
 from warp_trunk.bone_motion.plan.plan_file import check_planned_folder, curve_of_text, write_planned_case
 from warp_trunk.bone_motion.plan.surgery import back_text, surgery_text
 from warp_trunk.case import read_case, read_checked_case
+from warp_trunk.case.anatomy import PELVIC_RING
 from warp_trunk.case.folders import refuse_case
 from warp_trunk.case.landmark_checks import check_motion
 from warp_trunk.errors import InputError
@@ -93,6 +94,9 @@ class PlanCommand:
             if not case.has_spine:
                 cure = "write the motions of its bones in motions.toml and simulate it, or move them with --live"
                 raise InputError(f"plan: {self.case} has no landmarks of a spine; {cure}")
+            if case.bones.keys().isdisjoint(PELVIC_RING):
+                rule = f"has no bone of the pelvis ({', '.join(PELVIC_RING)}), and nothing holds the trunk there"
+                raise InputError(f"plan: {self.case} {rule} (skin moves 21 for 13 mm); add one to its bones")
             intention = self._intention(case.landmarks_before)
             best = None
             if self.aim is not None:

@@ -182,6 +182,10 @@ class MakeCase:
 
     def run(self) -> int:
         """Writes the case folder."""
+        if not 0.0 <= self.correction <= 1.0:
+            percent = f"for {self.correction:g} % write {self.correction / 100.0:g}"
+            cure = percent if 1.0 < self.correction <= 100.0 else "give a fraction, such as 0.7"
+            raise InputError(f"--correction: must be a number from 0 to 1, not {self.correction:g}; {cure}")
         if self.spine is not None:
             curve = read_measured_spine(self.spine)
         else:

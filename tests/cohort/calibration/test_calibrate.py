@@ -1,6 +1,7 @@
 """A calibration over patients: its constants, one case, least squares with priors, and what is refused."""
 
 import json
+import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from support.small_case import small_case
 from warp_trunk.case import write_case
 from warp_trunk.case.case import Study
 from warp_trunk.case.tissue_file import constant_of, read_tissue_file
+from warp_trunk.cli.cohort import Calibrate
 from warp_trunk.cohort.calibration.calibrate import Calibration, FittedConstant, HeldOut, Rounds, prior_of
 from warp_trunk.cohort.calibration.fit import Prior, certainty, find, without
 from warp_trunk.cohort.calibration.free_constants import FreeConstant, check_free, values_of
@@ -99,6 +101,18 @@ def cases(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_refused(cases, command, options, said, tmp_path, refused):
     out = [] if "--out" in options else ["--out", tmp_path / "tissue.toml"]
     refused([command, cases, *options.split(), *out], said)
+
+
+def test_a_case_that_cannot_be_read_is_left_out_with_the_reason(cases, tmp_path, capsys):
+    shutil.copytree(cases, tmp_path / "cases")
+    (tmp_path / "cases" / "b" / "skin.ply").write_text("no surface", encoding="utf-8")
+    command = Calibrate(folder=tmp_path / "cases", free=("poisson_ratio",), out=tmp_path / "tissue.toml")
+    with Progress() as progress:
+        jobs, broken = command._cases(command.of_each, progress)
+    assert [job.name for job in jobs] == ["a"]
+    assert list(broken) == ["b"]
+    assert "skin.ply" in broken["b"]
+    assert "is left out" in capsys.readouterr().err
 
 
 PRIOR = Prior(mean=np.zeros(1), sd=np.ones(1), low=np.full(1, -9.0), high=np.full(1, 9.0), weight=0.0)
