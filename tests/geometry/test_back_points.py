@@ -147,9 +147,9 @@ def test_points_of_apps_are_smoothed_and_their_noise_is_in_the_intervals(seed, t
     assert scanned.noise == pytest.approx(3.0, rel=0.25)
     assert scanned.error < 0.3 * scanned.noise
     error = errors(back, true_rotations)
-    assert np.isfinite(error).all()
-    assert error.max() < 1.6
-    assert np.sqrt(np.mean(error**2)) < 1.0
+    assert np.isfinite(error).sum() >= 16
+    assert np.nanmax(error) < 1.0
+    assert np.sqrt(np.nanmean(error**2)) < 0.5
     rows = [row for row in back.measured() if row.quantity == "bsr_deg"]
     inside = [not_none(row.low) <= true_rotations[row.level] <= not_none(row.high) for row in rows]
     assert np.mean(inside) > 0.8

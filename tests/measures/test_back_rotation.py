@@ -16,11 +16,14 @@ from warp_trunk.geometry.surface import Surface, compact
 from warp_trunk.io.surface_files import write_surface
 from warp_trunk.measures import measure, measure_back
 from warp_trunk.measures.back_rotation import (
+    ROUND,
     Contacts,
     DualTangent,
     back_surface_rotation,
     find_contacts,
     hump_height,
+    is_determined,
+    tangent_of,
 )
 
 
@@ -297,3 +300,30 @@ def test_command(tmp_path, capsys):
     assert angle == pytest.approx(8.0, abs=1e-3)
     assert "against the axis of the PSIS" in capsys.readouterr().out
     assert main([*command, "--case", str(tmp_path)]) == 2
+
+
+@pytest.mark.parametrize(
+    ("outline", "place", "determined"),
+    [
+        (ellipse(720, 70.0, 70.0), 10.0, False),  # a nape: it turns by 8 degrees over 10 mm
+        (ellipse(720, 70.0, 70.0), 0.2, True),
+        (flat_back(), 10.0, True),
+        (grooved(), 10.0, True),  # an edge of 125 mm bridges the spine wherever it lies
+    ],
+)
+def test_a_round_back_determines_no_rotation_where_the_place_of_the_spine_is_unsure(outline, place, determined):
+    tangent = tangent_of(outline, np.array([0.0, 40.0, 100.0]), LEFT)
+    assert is_determined(not_none(tangent), place) == determined
+
+
+def test_a_round_level_of_a_scan_has_no_rotation_and_says_why():
+    x, z = (ways.ravel() for ways in np.meshgrid(np.linspace(-140.0, 140.0, 141), np.linspace(0.0, 400.0, 201)))
+    nape = np.sqrt(np.maximum(70.0**2 - x**2, 0.0)) - 70.0
+    groove = -12.0 * np.exp(-((x / 30.0) ** 2)) - x**2 / 300.0
+    seen = (z < 340.0) | (np.abs(x) < 60.0)
+    points = np.column_stack([x, 100.0 + np.where(z > 340.0, nape, groove), z])[seen]
+    back = measure_back(points, line(60.0), markers())
+    assert back.levels["T1"] is not None
+    assert back.levels["T1"].rotation is None
+    assert back.missing["T1"] == ROUND
+    assert not_none(not_none(back.levels["T8"]).rotation) == pytest.approx(0.0, abs=0.1)

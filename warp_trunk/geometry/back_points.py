@@ -39,6 +39,11 @@ _LOOSE = 3.0
 """The sixth neighbour of a loose point is farther than this many times the usual distance."""
 _POINT_AREA = 6.0
 """Area of a surface for each point on it [mm^2]."""
+TALLER = 2.5
+"""A noisy back is smoothed over this many times as far upwards as sideways: it changes less along the spine."""
+EDGES, SMOOTHER = (4.0, 2.7), 2.0
+"""A noisy back is smoothed over the sum of a length and so many times its noise [mm] to the sides to find what
+stands on it, and over more by a factor for its skin."""
 _SAMPLE = 1500
 """Points from which noise and usual distances are taken."""
 _NEAR = 24
@@ -104,15 +109,17 @@ def find_back(points: np.ndarray, line: np.ndarray, across: np.ndarray, what: st
     behind = _hidden(seen[own], max(6.0, 2.5 * usual))
     skin, hidden = skin[~behind], skin[behind]
     noise = error = noise_of(skin, across)
-    blur = 0.0
-    if noise > NOISY:
-        blur = float(np.clip(6.0 + 4.0 * noise, 8.0, 24.0))
-        skin, error = smoothed(skin, across, noise, blur)
-    seen = _from_behind(skin, across)
-    cell = max(4.0, 1.3 * _usual_distance(skin))  # surroundings may be sparser than the skin
+    sharp, blur, sharp_error = skin, 0.0, noise
+    if noise > NOISY:  # what stands on the back has edges, which the skin does not need
+        blur = float(np.clip(EDGES[0] + EDGES[1] * noise, 8.0, 16.0))
+        sharp, sharp_error = smoothed(skin, across, noise, blur)
+        skin, error = smoothed(skin, across, noise, SMOOTHER * blur)
+    seen = _from_behind(sharp, across)
+    cell = max(4.0, 1.3 * _usual_distance(sharp))  # surroundings may be sparser than the skin
     grid = depth_grid(seen[:, [0, 2]], seen[:, 1], cell)
     columns, rows = grid.middles
-    plate = find_raised(grid, columns[:, None] - _line_at(line, across, rows)[:, 0], error, blur)
+    plate = find_raised(grid, columns[:, None] - _line_at(line, across, rows)[:, 0], sharp_error, blur)
+    seen = _from_behind(skin, across)
     shown, on = skin, np.zeros(len(skin), dtype=bool)
     if plate is not None:
         on, depth = plate.over_skin(seen[:, [0, 2]], seen[:, 1], error)
@@ -253,29 +260,26 @@ def _quadratic(off: np.ndarray) -> np.ndarray:
 def smoothed(points: np.ndarray, across: np.ndarray, noise: float, radius: float) -> tuple[np.ndarray, float]:
     """A noisy back as points of a grid, and the standard deviation of their depth [mm].
 
-    Each is the value of a quadratic through the points around it, fitted by Tukey's biweight, so that stray points
-    have no weight.
+    Each is the value of a quadratic through the points around it (`TALLER`), fitted by Tukey's biweight, so that
+    stray points have no weight.
 
     Args:
         points: of the back, shape (n, 3) [mm].
         across: unit vector to the left in the axial plane, shape (2,).
         noise: of the points [mm].
-        radius: of the points around that count [mm].
+        radius: to the sides of the points around that count [mm].
     """
     from scipy.spatial import KDTree
 
     seen = _from_behind(points, across)
-    places = seen[:, [0, 2]]
-    step = 4.0
-    low, high = places.min(axis=0), places.max(axis=0)
-    node = np.stack(
-        np.meshgrid(*(np.arange(a, b, step) for a, b in zip(low, high, strict=True)), indexing="ij"), -1
-    )
-    node = node.reshape(-1, 2)
+    places = seen[:, [0, 2]] / [1.0, TALLER]
+    low, high, step = places.min(axis=0), places.max(axis=0), (4.0, 5.0 / TALLER)
+    sides = [np.arange(*side) for side in zip(low, high, step, strict=True)]
+    node = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 2)
     tree = KDTree(places)
     sampled = tree.query_ball_point(places[:: max(1, len(places) // 200)], radius)
     many = int(np.median([len(near) for near in sampled]))
-    count = min(max(many, 12), 200)
+    count = min(max(many, 12), 450)
     gap, near = map(np.asarray, tree.query(node, k=count, distance_upper_bound=radius))
     full = (np.isfinite(gap).sum(axis=1) > 0.35 * count) & (np.isfinite(gap[:, :6]).all(axis=1))
     node, gap, near = node[full], gap[full], near[full]
@@ -305,4 +309,5 @@ def smoothed(points: np.ndarray, across: np.ndarray, noise: float, radius: float
     good = share < 1.0
     behind = np.array([-across[1], across[0]])
     places_on_grid = node[good, :1] * across + depth[good, None] * behind
-    return np.column_stack([places_on_grid, node[good, 1]]), float(noise * np.sqrt(np.median(share[good])))
+    smooth = np.column_stack([places_on_grid, TALLER * node[good, 1]])
+    return smooth, float(noise * np.sqrt(np.median(share[good])))

@@ -16,7 +16,7 @@ from warp_trunk.geometry.section import pieces
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.spine.spine import spine_of
 
-from .back_rotation import DualTangent, tangent_of
+from .back_rotation import ROUND, UNSURE_PLACE, DualTangent, is_determined, tangent_of
 from .markers import BackMarkers, back_markers
 from .quantities import WIDTH, Measured, MeasureTable
 from .rows import as_text
@@ -42,6 +42,8 @@ UNSEEN = 6.0
 """Skin farther than this from skin that was seen is not known, where something stands on it [mm] ..."""
 BENT = 60.0
 """... and may leave the bridge that stands for it as a circle of this radius leaves its tangent [mm]."""
+PLACES = {"body line": UNSURE_PLACE, "spinous line": 3.0, "landmarks": 0.0}
+"""How well the place of a spinous process is known on a scan [mm]."""
 CHANGE = 0.5
 """A number that changes by more than this if it does is left out [degrees]."""
 DEEP = 40.0
@@ -247,6 +249,8 @@ def measure_back(
         tangent, slope = tangent_of(outline, centre, across), _slope(cut, place, across, level)
         if tangent is None:
             missing[level] = "no line within 60 degrees of the pelvis touches the back on both sides"
+        elif PLACES[kind] and not is_determined(tangent, PLACES[kind]):
+            tangent, missing[level] = None, ROUND
         error = 0.0 if scan is None else scan.error
         away = seen.away(outline, height)
         unseen = away[np.linalg.norm(outline - place, axis=1) < AROUND].max(initial=0.0)

@@ -24,6 +24,12 @@ BESIDE = 10.0
 """An edge that the perpendicular from the spine misses by more than this does not bridge the spine [mm]."""
 BEYOND = 60.0
 """Length by which a drawn tangent extends past its points of contact [mm]."""
+UNSURE_PLACE = 10.0
+"""Standard deviation of the place of a spinous process that a line of vertebral bodies gives [mm]."""
+LONGER = 1.25
+"""A bridge that is longer than `SPAN` by this factor is one for another choice of `SPAN`, too."""
+DEPENDS = 0.8
+"""Change of a rotation with the place of the spine from which on the back does not determine it [degrees]."""
 STEEPEST = math.radians(60.0)
 """A tangent turned further than this against the pelvis is not one of the back."""
 
@@ -127,6 +133,32 @@ def tangents_of(
     }
 
 
+ROUND = "the back is round there, as a nape or hair is, and the rotation depends on the exact place of the spine"
+"""Why a rotation is missing that the back does not determine."""
+
+
+def is_determined(tangent: DualTangent, place: float = UNSURE_PLACE) -> bool:
+    """Whether the back determines its rotation: it changes by less than `DEPENDS` if the spine lies elsewhere.
+
+    Where no edge bridges the spine, the rotation is that of the back behind it, and a nape whose radius is 70 mm
+    turns by 8 degrees over 10 mm. Of 20 patients 19 have such a T1, eight such a T2, and hardly one such a
+    level at T3 to L1. A bridge that is hardly longer than `SPAN` comes and goes with the place, too.
+
+    Args:
+        tangent: of a level.
+        place: how far to either side the spine may lie [mm].
+    """
+    for aside in (-place, 0.0, place):
+        for span in (SPAN, LONGER * SPAN):
+            moved = find_contacts(tangent.back, tangent.spine + aside * tangent.across, tangent.across, span)
+            if moved is None:
+                return False
+            angle = -math.degrees(turn(tangent.across, moved.points[0] - moved.points[1]))
+            if abs(angle - tangent.angle) > DEPENDS:
+                return False
+    return True
+
+
 def tangent_of(
     outline: np.ndarray, centroid: np.ndarray, across: np.ndarray, seen: np.ndarray | None = None
 ) -> DualTangent | None:
@@ -149,7 +181,9 @@ def tangent_at(
     return DualTangent(float(centroid[2]), contacts, angle, outline, centroid[:2], across, seen)
 
 
-def find_contacts(outline: np.ndarray, spine: np.ndarray, across: np.ndarray) -> Contacts | None:
+def find_contacts(
+    outline: np.ndarray, spine: np.ndarray, across: np.ndarray, span: float = SPAN
+) -> Contacts | None:
     """Where the common tangent of the two sides of the back touches a section.
 
     With a groove along the spine it is the edge of the section's convex hull that bridges the spine: of the edges
@@ -168,6 +202,7 @@ def find_contacts(outline: np.ndarray, spine: np.ndarray, across: np.ndarray) ->
         outline: closed loop without its first point repeated, or the back alone, shape (points, 2) [mm].
         spine: where the vertebra or its spinous process lies, shape (2,) [mm].
         across: unit vector from the patient's right to left; it says which side of the section is the back.
+        span: least length of a bridge [mm].
 
     Returns:
         The points of contact, or None where there is no such line.
@@ -181,7 +216,7 @@ def find_contacts(outline: np.ndarray, spine: np.ndarray, across: np.ndarray) ->
     length = np.hypot(*way.T)
     way /= length[:, None]
     left, right = (np.einsum("ij,ij->i", end, way) for end in (from_spine[:-1], from_spine[1:]))
-    missed = np.where(length >= SPAN, np.maximum(np.maximum(-left, right), 0.0), np.inf)
+    missed = np.where(length >= span, np.maximum(np.maximum(-left, right), 0.0), np.inf)
     away = np.hypot(*(from_spine[:-1] - np.clip(left, 0.0, length)[:, None] * way).T)
     if missed.min() <= BESIDE:
         bridge = edges[np.lexsort([away, missed])[0]]

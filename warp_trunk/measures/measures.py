@@ -23,7 +23,7 @@ from warp_trunk.spine.cobb import (
 )
 from warp_trunk.spine.spine import SacralLine, Spine, TrunkShift, sacral_line, spine_of, trunk_length, trunk_shift
 
-from .back_rotation import DualTangent, hump_height, hump_top, tangents_of
+from .back_rotation import ROUND, DualTangent, hump_height, hump_top, is_determined, tangents_of
 from .levels import largest_at
 from .outlines import (
     FlankAsymmetry,
@@ -196,6 +196,8 @@ def measure(
     outlines, missing = outlines_of(skin, spine)
     seen = None if unseen is None else seen_points(skin, unseen, outlines, spine)
     tangents = tangents_of(outlines, spine, line.across, seen)
+    if seen is not None:
+        tangents, missing = _of_backs_that_turn(tangents, missing)
     for level, tangent in tangents.items():
         if tangent is None and seen is not None:
             missing.setdefault(level, "the scan shows no back on both sides of the spine there")
@@ -288,6 +290,17 @@ def seen_points(
     return seen_points
 
 
+def _of_backs_that_turn(
+    tangents: dict[str, DualTangent | None], missing: dict[str, str]
+) -> tuple[dict[str, DualTangent | None], dict[str, str]]:
+    """The tangents of levels whose rotation their back determines (`is_determined`), and why the others lack it.
+
+    Asked of cases that were fitted to a scan, where spinous processes are known as a line of bodies gives them.
+    """
+    round_ones = [level for level, tangent in tangents.items() if tangent and not is_determined(tangent)]
+    return tangents | dict.fromkeys(round_ones), missing | dict.fromkeys(round_ones, ROUND)
+
+
 def measure_level(
     skin: Surface, landmarks: Landmarks, level: str, unseen: np.ndarray | None = None
 ) -> TrunkMeasures:
@@ -304,6 +317,8 @@ def measure_level(
     outlines, missing = outlines_of(skin, part)
     seen = None if unseen is None else seen_points(skin, unseen, outlines, part)
     tangents = tangents_of(outlines, part, measures.sacral_line.across, seen)
+    if seen is not None:
+        tangents, missing = _of_backs_that_turn(tangents, missing)
     return replace(measures, outlines=outlines, tangents=tangents, missing=measures.missing | missing)
 
 
