@@ -131,12 +131,22 @@ def test_hair_over_the_whole_upper_back_leaves_its_levels_out(true_rotations):
     assert {level for level, at in back.levels.items() if not_none(at).height > 245.0} <= back.missing.keys()
 
 
-def splats(sd, seed):
+def splats(sd, seed, hair=None):
     rng = np.random.default_rng(seed)
-    points = scan(noise=0.0)
+    points = scan(noise=0.0, hair=hair)
     points += rng.normal(0.0, sd, points.shape)
     low, high = points.min(axis=0) - 100.0, points.max(axis=0) + 100.0
     return np.vstack([points, rng.uniform(low, high, (len(points) // 20, 3))])
+
+
+@pytest.mark.parametrize("profile", ["box", "round", "cosine"])
+def test_a_plait_in_the_points_of_apps_turns_no_level(profile, true_rotations):
+    """Each level is right within a degree, or left out; below the plait all are there."""
+    back = measured(splats(3.0, 1, hair=plait(profile)))
+    error = errors(back, true_rotations)
+    assert np.nanmax(error) < 1.1
+    below = [k for k, level in enumerate(back.levels.values()) if not_none(level).height < 210.0]
+    assert np.isfinite(error[below]).all()
 
 
 @pytest.mark.parametrize("seed", range(3))

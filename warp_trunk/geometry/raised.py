@@ -48,8 +48,9 @@ class DepthGrid:
     """Side of a cell [mm]."""
 
     def cells(self, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Column and row of points given to the left and up (n, 2)."""
-        column, row = np.floor((seen - self.origin) / self.cell).astype(np.int64).T
+        """Column and row of points given to the left and up (n, 2), of the nearest cell where they lie beside."""
+        place = np.floor((seen - self.origin) / self.cell).astype(np.int64)
+        column, row = np.clip(place, 0, np.array(self.depth.shape) - 1).T
         return column, row
 
     @property
