@@ -60,7 +60,8 @@ STYLE_CALLS = re.compile(
 """Methods of matplotlib that style a picture, and what is for type checkers."""
 STYLE_NAMES = re.compile(r"_?[A-Z_]*(COLOU?RS?|DPI|FONT|WIDTH|SIZE|STYLE|GRE[AY]|ALPHA|MARGIN|RADIUS)[A-Z_]*")
 """Names of constants that style a picture."""
-COLOUR = re.compile(r"\(\d+, \d+, \d+\)")
+COLOUR = re.compile(r"\(\d+, \d+, \d+(, \d+)?\)|\[0\.\d+, 0\.\d+, 0\.\d+\]")
+"""Red, green and blue, as bytes or as parts of one."""
 GUARDS = re.compile(r"strict|frozen|kw_only|slots|eq")
 """Keyword arguments of `zip` and `dataclass` that guard against a programmer's fault and change no result."""
 NO_EFFECT = re.compile(r"(.*\.)?(cache|lru_cache|cached_property|overload|override|final|dataclass)(\(.*)?")
@@ -136,7 +137,7 @@ class Options:
     """Packages that are changed."""
     jobs: int = os.cpu_count() or 1
     """Mutants that are tested at once, each on one core in its copy of the tree."""
-    budget: float = 45.0
+    budget: float = 60.0
     """Seconds of tests, as they took once, after which no further test file is given to a mutant."""
     minutes: float = 1e9
     """No test run is started after so many minutes; the outcomes so far are written."""
@@ -258,7 +259,7 @@ def _left_out(text: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
                 nodes.append(node)
             case ast.Assign(targets=[ast.Name(id=name)]) if STYLE_NAMES.fullmatch(name):
                 nodes.append(node)
-            case ast.Tuple() if COLOUR.fullmatch(ast.unparse(node)):
+            case ast.Tuple() | ast.List() if COLOUR.fullmatch(ast.unparse(node)):
                 nodes.append(node)
         for decorator in getattr(node, "decorator_list", []):
             if NO_EFFECT.fullmatch(ast.unparse(decorator)):
@@ -453,7 +454,8 @@ def _judged(
     asked = [test for test in tests if statement.intersection(test.lines.get(mutant.path, ()))]
     folder = f"tests/{Path(mutant.path).parts[1]}/"
     asked.sort(key=lambda test: (not test.path.startswith(folder), test.seconds))
-    before = itertools.accumulate((test.seconds for test in asked), initial=0.0)
+    start = min((test.seconds for test in tests), default=0.0)  # each measured file started a process of its own
+    before = itertools.accumulate((test.seconds - start for test in asked), initial=0.0)
     within = [test for test, seconds in zip(asked, before, strict=False) if seconds < budget]
     started = time.monotonic()
     (copy[0] / mutant.path).write_text(mutant.text(ROOT), encoding="utf-8")

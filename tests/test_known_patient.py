@@ -30,7 +30,10 @@ from support.known_spine import LEVELS
 from support.rrd import column
 from support.small_trunk import measured, start_recording
 from warp_trunk.cli import main
+from warp_trunk.measures.measures import measure_level
+from warp_trunk.measures.quantities import BETTER, EXACT, PREDICTED, WORSE, Measured
 from warp_trunk.results import read_result
+from warp_trunk.results.bands import Bands, BandSource, Effects, FoundBands
 from warp_trunk.results.summary_text import plain
 
 STATES = {"before": BEFORE, "predicted": AFTER}
@@ -379,3 +382,103 @@ def test_plans_side_by_side_have_their_own_numbers(both: tuple[Shown, Shown], tm
     lines = {str(line.get_label()): line.get_xdata() for line in axes.lines}
     np.testing.assert_allclose(lines["plan A"], [*AFTER.rotations.values()], atol=0.05)
     np.testing.assert_allclose(lines["plan B"], [*BEFORE.rotations.values()], atol=0.05)
+
+
+SD = 1.5
+"""Of every rotation in the intervals below [degrees]."""
+
+
+@pytest.fixture(scope="module", params=[1.0, -1.0], ids=["patient", "mirror image"])
+def sure(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Shown:
+    """Her result with intervals of a standard deviation, and a skin of which 2 mm are not known at the right."""
+    sign, folder = request.param, tmp_path_factory.mktemp("sure")
+    case, mesh, displacement = known_case(mirrored=sign < 0.0)
+    rows = [
+        Measured.with_sd(state, level, "bsr_deg", sign * angle, SD if state == PREDICTED else SD / 3.0)
+        for state in (PREDICTED, EXACT)
+        for level, angle in AFTER.rotations.items()
+    ]
+    rows += [
+        Measured.with_sd(PREDICTED, "T8", key, sign * AFTER.humps["T8"], 2.0)
+        for key in ("hump_mm", "main_hump_mm")
+    ]
+    skin = case.skin.moved(case.skin.vertices + displacement[mesh.skin_nodes])
+    further = np.outer(sign * skin.vertices[:, 0] < 0.0, [0.0, 2.0, 0.0]) * (skin.vertices[:, 1:2] > 0.0)
+    likely = {
+        state: measure_level(skin.moved(skin.vertices + way * further), case.planned_landmarks, "T8")
+        for state, way in ((BETTER, -1.0), (WORSE, 1.0))
+    }
+    effects = Effects(
+        names=np.array([(row.quantity, row.level) for row in rows if row.state == PREDICTED]),
+        sources=np.array(["amount of correction"]),
+        effects=np.ones((len(LEVELS) + 2, 1)),
+        landmarks=np.zeros((len(LEVELS) + 2, 6)),
+        ratio=np.ones(len(LEVELS) + 2),
+        likely_worse=further,
+    )
+    source = BandSource(name="landmarks", spread="2 mm", reference="a film", sd={"bsr_deg": {"T8": 1.4}})
+    bands = Bands(sources=(source,), nonlinear=(), skin_mean_mm=2.0, skin_max_mm=2.0, draws=32)
+    intervals = FoundBands(tuple(rows), bands, np.full(len(case.skin.vertices), 2.0), effects, likely)
+    write_known_result(folder, mirrored=sign < 0.0, intervals=intervals)
+    with drawn_figures() as figures:
+        assert main(["report", str(folder)]) == 0
+    return Shown(folder, sign, Page((folder / "report.html").read_text(encoding="utf-8")), figures)
+
+
+def test_intervals_stand_at_their_level_on_the_console_in_the_page_and_in_the_plot(sure: Shown) -> None:
+    (axes,) = sure.figures["rotation"].axes
+    whiskers = {line.get_ydata()[0]: sorted(line.get_xdata()) for line in axes.lines if line.get_marker() == "|"}
+    console = {line.split()[0]: line for line in plain(read_result(sure.folder)).splitlines() if line}
+    assert console["level"].endswith("19 of 20")
+    for number, (level, angle) in enumerate(AFTER.rotations.items()):
+        ends = sorted(sure.sign * angle + way * 1.96 * SD for way in (-1.0, 1.0))
+        assert whiskers[number] == pytest.approx(ends, abs=0.05)
+        low, high = ends
+        shown = " to ".join(f"{abs(end):.0f}" for end in sorted(ends, key=abs))
+        if round(low) * round(high) < 0:
+            shown = f"{abs(low):.0f} left to {high:.0f} right"
+        assert " ".join(console[level].split()).endswith(f" {shown}")
+        assert shown in sure.page.rows[level]
+
+
+def test_likely_backs_stand_beside_the_prediction_better_first(sure: Shown) -> None:
+    """The hump of the worse one is larger, on the side on which it is."""
+    panels = sure.figures["likely"].axes[:3]
+    middles = [[text for text in axes.texts if "T8:" in text.get_text()] for axes in panels]
+    sizes = [float(texts[0].get_text().split()[1]) for texts in middles]
+    assert sizes == sorted(sizes)
+    assert sizes[1] == pytest.approx(AFTER.humps["T8"], abs=0.6)
+    assert sizes[2] - sizes[0] > 2.0
+    for axes, (text,) in zip(panels, middles, strict=True):
+        assert side_at(axes, place(axes, *text.get_position())[0]) == sure.words("right")
+
+
+def test_panels_have_their_headings_and_the_colours_a_scale(patient: Shown) -> None:
+    headings = dict.fromkeys(("back", "hump", "front", "shoulders"), "Predicted") | {"spine_behind": "Planned"}
+    for name, heading in headings.items():
+        axes = patient.figures[name].axes[:2]
+        assert [panel.get_title() for panel in axes] == ["Before surgery", heading], name
+    bar = patient.figures["hump"].axes[-1]
+    ticks = bar.get_xticks()
+    limit = max(bar.get_xlim())
+    assert np.diff(ticks) == pytest.approx([10.0 if limit <= 40.0 else 20.0] * (len(ticks) - 1))
+    assert max(ticks) <= limit + 0.5
+    assert ("further forward" in bar.texts[0].get_text(), "further back" in bar.texts[1].get_text()) == (
+        True,
+        True,
+    )
+    assert bar.texts[0].get_position()[0] < bar.texts[1].get_position()[0]
+
+
+def test_vtks_own_reader_finds_the_shape_and_its_displacement(patient: Shown, tmp_path: Path) -> None:
+    pyvista = pytest.importorskip("pyvista")
+    _, mesh, displacement = known_case(mirrored=patient.sign < 0.0)
+    assert main(["export", str(patient.folder), "--out", str(tmp_path / "tissue.vtu")]) == 0
+    grid: Any = pyvista.read(tmp_path / "tissue.vtu")
+    np.testing.assert_allclose(grid.points, mesh.nodes, atol=1e-4)
+    np.testing.assert_array_equal(grid.cells_dict[pyvista.CellType.TETRA], mesh.tets)
+    (name,) = (name for name in grid.point_data if grid.point_data[name].ndim == 2)
+    on_bone = mesh.prescribed
+    np.testing.assert_allclose(grid.point_data[name][on_bone], displacement[on_bone], atol=1e-4)
+    tets = grid.extract_cells(grid.celltypes == pyvista.CellType.TETRA)
+    assert tets.compute_cell_sizes(length=False, area=False)["Volume"].min() > 0.0

@@ -10,7 +10,13 @@ from support.asserting import not_none
 from support.small_case import mapped, small_case
 from warp_trunk.case import Axes, Case, read_case, write_case
 from warp_trunk.case.anatomy import check_file_names
+from warp_trunk.case.case import Study
+from warp_trunk.case.fingerprint import difference, fingerprint_of
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
+from warp_trunk.case.layers import Layers
+from warp_trunk.case.points import Points
+from warp_trunk.case.rib_coupling import RibCoupling
+from warp_trunk.case.uncertainty import Invented, Uncertainty
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 
@@ -116,3 +122,31 @@ def test_a_file_called_nearly_as_a_bone_is_named(name, bone):
 def test_other_names_stay():
     names = ("T8", "rib_left_01", "mandible", "sternum_upper", "hip_left_lower", "T7x", "S1", "bone 12", "")
     check_file_names({name: Path(name) for name in names})
+
+
+def test_every_field_of_a_case_comes_back_from_its_folder(tmp_path: Path) -> None:
+    """`tests/cohort/test_kept.py` sees that the fingerprint has every field."""
+    case, marks = small_case(), small_case().landmarks_before
+    some = Landmarks(marks.names[:6], marks.points[:6] + 2.0)
+    places = np.array([case.skin.vertices[0], case.bones["T7"].vertices[0]])
+    whole = replace(
+        case,
+        name="other",
+        posture="supine",
+        notes=("The skin was repaired.", "T6 is missing."),
+        tissue=replace(case.tissue, density=950.0),
+        rib_coupling=RibCoupling(upper=0.6),
+        uncertainty=Uncertainty(landmark_error=1.5, cobb=0.2, mesh_rotation=0.3),
+        study=Study(patient="P9", pose="bending", months_after=3.0, synthetic=True),
+        layers=Layers(skin_thickness=1.5, fat_thickness=4.0),
+        unseen=case.skin.vertices[:, 1] < 0.0,
+        invented=Invented(),
+        bending_left=some,
+        bending_right=replace(some, points=some.points + 1.0),
+        actual_skin=case.skin.moved(case.skin.vertices * 1.01),
+        bones_after={"T7": case.bones["T7"].moved(case.bones["T7"].vertices + 1.0)},
+        points=Points(Landmarks(("tip", "bone"), places), {"tip": "bone"}),
+    )
+    assert difference(fingerprint_of(case), fingerprint_of(whole))
+    write_case(tmp_path, whole)
+    assert difference(fingerprint_of(whole), fingerprint_of(read_case(tmp_path))) == ""

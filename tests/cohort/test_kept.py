@@ -10,64 +10,24 @@ from typing import Any
 import numpy as np
 import pytest
 
-from support.cohort_cases import cohort_options, turned_case
+from support.changed_cases import (
+    CASE,
+    CHANGES,
+    EXECUTION,
+    EXECUTION_WITHOUT,
+    OPTIONS,
+    RUN,
+    RUN_ELSEWHERE,
+)
+from support.cohort_cases import turned_case
 from warp_trunk.case import Case, write_case
 from warp_trunk.case.fingerprint import difference
-from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.case.layers import Layers
-from warp_trunk.case.motions import Motion
-from warp_trunk.case.points import Points
-from warp_trunk.case.rib_coupling import RibCoupling
-from warp_trunk.case.uncertainty import Invented, Uncertainty
 from warp_trunk.cli.arguments import parse
 from warp_trunk.cli.cohort import Cohort
 from warp_trunk.cohort import one_case
 from warp_trunk.cohort.one_case import CohortOptions
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import Surface
 from warp_trunk.run.options import Execution, RunOptions
-
-CASE, OPTIONS = turned_case("first", 1.0), cohort_options()
-
-
-def moved(surface: Surface) -> Surface:
-    return surface.moved(surface.vertices + np.array([0.01, 0.0, 0.0]))
-
-
-def shifted(marks: Landmarks) -> Landmarks:
-    return replace(marks, points=marks.points + np.array([0.01, 0.0, 0.0]))
-
-
-def changed(record: Any) -> list[Any]:
-    """The record with each of its numbers changed."""
-    return [replace(record, **{f.name: 0.99 * getattr(record, f.name) or 0.01}) for f in fields(record)]
-
-
-CHANGES: dict[str, list[Any]] = {
-    "name": ["other"],
-    "skin": [moved(CASE.skin)],
-    "bones": [CASE.bones | {"T7": moved(CASE.bones["T7"])}],
-    "landmarks_before": [shifted(CASE.landmarks_before)],
-    "landmarks_after": [shifted(CASE.planned_landmarks)],
-    "actual_skin": [moved(CASE.actual_skin or CASE.skin), None],
-    "tissue": changed(CASE.tissue),
-    "bones_after": [{"T7": moved(CASE.bones["T7"])}],
-    "layers": [Layers(skin_thickness=1.5)],
-    "rib_coupling": changed(RibCoupling()),
-    "uncertainty": changed(Uncertainty()),
-    "study": [replace(CASE.study, patient="P9"), replace(CASE.study, pose="bending"),
-              replace(CASE.study, months_after=3.0), replace(CASE.study, synthetic=not CASE.study.synthetic)],
-    "plan": ["uiv = 'T4'"],
-    "posture": ["supine"],
-    "invented": [Invented(), Invented(share=0.4)],
-    "unseen": [np.ones(len(CASE.skin.vertices), dtype=bool)],
-    "bending_left": [CASE.landmarks_before],
-    "bending_right": [CASE.landmarks_before],
-    "points": [Points(CASE.landmarks_before), Points(CASE.landmarks_before, {"a": "b"})],
-    "notes": [("The skin was repaired.",)],
-    "motions": [{"T7": Motion(translation=(1.0, 0.0, 0.0))}],
-}  # fmt: skip
-"""Other values of each field of a case: its result, which is kept with its row, depends on all."""
 
 
 def inputs(case: Case, options: CohortOptions = OPTIONS) -> Any:
@@ -87,17 +47,6 @@ def test_a_change_of_the_case_makes_it_be_done_again(field: str) -> None:
 
 def test_the_same_case_is_kept() -> None:
     assert difference(inputs(CASE), inputs(turned_case("first", 1.0))) == ""
-
-
-RUN: dict[str, Any] = {
-    "mesh": replace(OPTIONS.run.mesh, tets=9000), "simulation": replace(OPTIONS.run.simulation, increments=2),
-    "energy": "itmsm", "weights": "volume", "skin_rigidity": 0.1, "precision": "float64", "gravity": 9.81,
-    "alpha": 0.1, "rest": "scan", "layers": "depth", "bones": "spline", "bands": True, "from_mesh": Path("a.vtu"),
-}  # fmt: skip
-RUN_ELSEWHERE = {"constants": "in the tissue of the case"}
-EXECUTION: dict[str, Any] = {"device": "cuda:0", "threads": 2}
-EXECUTION_WITHOUT = {"cache", "record", "view", "yes"}
-"""They change no number."""
 
 
 def test_every_option_is_decided() -> None:

@@ -1,5 +1,7 @@
 """A cohort by hand: the papers' numbers of two patients, means, limits of agreement, shares and trends."""
 
+import csv
+import json
 from pathlib import Path
 from typing import Any
 
@@ -7,7 +9,14 @@ import numpy as np
 import pytest
 
 from support.asserting import not_none
-from warp_trunk.cohort.cohort_page import worse_parts, write_cohort
+from support.drawn import Page
+from warp_trunk.cohort.cohort_page import (
+    agreement_picture,
+    cohort_text,
+    levels_picture,
+    worse_parts,
+    write_cohort,
+)
 from warp_trunk.cohort.one_case import CaseRow
 from warp_trunk.cohort.statistics import limits_of_agreement, over_patients, trend
 from warp_trunk.cohort.summary import case_errors, errors, summarize_cohort
@@ -205,3 +214,81 @@ def test_a_line_by_hand():
         2.0 / 3.0
     )  # t = 0.5 / sqrt(0.75) = 1 / sqrt(3), one degree of freedom: 60 degrees
     assert line.points == 3
+
+
+def table(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_every_file_of_a_cohort_has_its_numbers(tmp_path: Path) -> None:
+    summary = write_cohort(tmp_path, ROWS)
+    assert {path.name for path in tmp_path.iterdir()} == {"cases.csv", "cohort.csv", "cohort.json", "cohort.html"}
+    cases = {row["folder"]: row for row in table(tmp_path / "cases.csv")}
+    assert [(name, row["patient"], row["status"]) for name, row in cases.items()] == [
+        (row.folder, row.patient, row.status) for row in ROWS
+    ]
+    assert (cases["a"]["cobb_deg"], cases["a"]["case"]) == ("50.0", "first")
+    numbers = {
+        (row["folder"], row["patient"], row["state"], row["level"]): float(row["value"])
+        for row in table(tmp_path / "cohort.csv")
+        if row["quantity"] == "bsr_deg" and row["value"]
+    }
+    assert numbers["a", "P1", "predicted", "T6"] == 6.0
+    assert numbers["b", "P2", "actual", "L2"] == -5.0
+    assert ("a", "P1", "actual", "L3") not in numbers
+    record = json.loads((tmp_path / "cohort.json").read_text(encoding="utf-8"))
+    assert [row["folder"] for row in record["cases"]] == [row.folder for row in ROWS]
+    assert record["summary"]["counted"] == summary.counted == 2
+    assert record["summary"]["agreement"]["bias"] == pytest.approx(-1.0)
+
+
+def test_the_console_names_every_case_that_does_not_count_and_every_range() -> None:
+    text = cohort_text(summarize_cohort(ROWS))
+    assert "6 cases: 2 of 2 patients count; 1 are synthetic" in text
+    for line in ("failed: e", "did not converge: d", "without an actual skin: c", "bending, not surgery: f"):
+        assert line in text.splitlines()
+    (whole,) = [line for line in text.splitlines() if line.startswith("T3-L5")]
+    assert whole.endswith(
+        "mean absolute error 1.83 ± 0.24° over patients; 3.75° if nothing changed, 2.67° by the spline; "
+        "58 % of levels within 2.5°"
+    )
+    many = [CaseRow(folder=f"n{i:02}", status="FAILED", reason="") for i in range(14)]
+    for count, words in ((12, "n10, n11"), (13, "n11 and 1 more"), (14, "n11 and 2 more")):
+        (line,) = [row for row in cohort_text(summarize_cohort(many[:count])).splitlines() if "failed" in row]
+        assert line.endswith(words)
+
+
+def test_the_page_of_a_cohort_has_its_numbers_and_names_what_does_not_count(tmp_path: Path) -> None:
+    write_cohort(tmp_path, ROWS)
+    page = Page((tmp_path / "cohort.html").read_text(encoding="utf-8"))
+    for text in (
+        "e has no result: skin.ply: is <open>, 3 edges",
+        "d did not converge and does not count.",
+        "c has no actual skin to be judged by.",
+    ):
+        assert text in page.words
+    assert any("1.83 ± 0.24" in cell for cells in page.rows.values() for cell in cells)
+
+
+def test_pictures_of_a_cohort_have_every_point_at_its_place_and_the_limits_of_agreement() -> None:
+    summary = summarize_cohort(ROWS)
+    axes: Any = agreement_picture(ROWS, summary).axes[0]
+    lines = {str(line.get_label()): line for line in axes.lines}
+    # T5 5 and 4, T6 6 and 9 of a; T5 7 and 6 of b
+    assert sorted(zip(*lines["thoracic"].get_data(), strict=True)) == [(4.5, 1.0), (6.5, 1.0), (7.5, -3.0)]
+    assert sorted(zip(*lines["lumbar"].get_data(), strict=True)) == [(-6.5, -3.0), (-1.5, -1.0)]
+    agreement = not_none(summary.agreement)
+    limits = {text.get_text(): text.xy[1] for text in axes.texts}
+    assert limits.pop("mean −1.0" if "mean −1.0" in limits else "mean -1.0") == agreement.bias
+    at = sorted(float(line.get_ydata()[0]) for line in axes.lines if str(line.get_label()).startswith("_"))
+    limits_shown = [row for row in (agreement.low, agreement.bias, agreement.high) if row is not None]
+    assert at == pytest.approx(sorted(limits_shown))
+    axes = levels_picture(summary).axes[0]
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["T5", "T6", "L2"]
+    lines = {str(line.get_label()): line for line in axes.lines}
+    np.testing.assert_allclose(lines["nothing changes"].get_xdata(), [6.5, 3.0, 1.0])
+    np.testing.assert_allclose(lines["the spline carries the skin"].get_xdata(), [4.0, 0.0, 2.5])
+    np.testing.assert_array_equal(lines["nothing changes"].get_ydata(), [0, 1, 2])
+    low, high = axes.get_ylim()
+    assert low > 2.0 > 0.0 > high  # T5 on top

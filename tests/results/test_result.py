@@ -3,23 +3,31 @@
 import json
 import math
 import os
-from dataclasses import replace
+import shutil
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 
 import meshio
 import numpy as np
 import pytest
 
+from support.known_patient import AFTER, BEFORE, known_case, known_increments
 from support.small_trunk import made_up_increments, small_case
+from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks
+from warp_trunk.case.points import Points
+from warp_trunk.case.uncertainty import Invented
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.result_files import picture_source
 from warp_trunk.io.surface_files import write_surface
+from warp_trunk.measures import measure
 from warp_trunk.measures.quantities import Measured
 from warp_trunk.meshing import predicted_skin
 from warp_trunk.results import read_result, read_summary, result_of
+from warp_trunk.results.result import LEAST_SPACE, prepare_folder
+from warp_trunk.results.summary_text import markdown, plain
 
 WHOLE = {
     "landmarks_after.csv", "landmarks_before.csv", "predicted_skin.ply", "sections.npz", "skin_before.ply",
@@ -165,3 +173,86 @@ def test_files_of_two_simulations_are_refused(simulated, folder):
     write_surface(folder / "predicted_skin.ply", Surface(case.skin.vertices, case.skin.faces[:-1]))
     with pytest.raises(InputError, match=r"predicted_skin\.ply: its vertices or faces are not"):
         read_result(folder)
+
+
+@pytest.mark.parametrize("seen", [True, False])
+def test_every_measure_comes_back_from_the_folder(tmp_path, seen):
+    """Field by field, of a whole skin and of one whose left flank was not scanned."""
+    case, mesh, displacement = known_case()
+    if not seen:
+        left = case.skin.vertices[:, 0] > 80.0
+        case = replace(case, unseen=left, invented=Invented())
+    model = build_model(
+        mesh, gravity=0.0, device="cpu", precision="float64", threads=1, energy="itmsm", skin_rigidity=0.0
+    )
+    result = result_of(case, mesh, model, known_increments(displacement, mesh), seconds={"total": 1.0})
+    result.save(tmp_path)
+    back = read_result(tmp_path)
+    for made, read in ((result.measures_before, back.measures_before), (result.measures, back.measures)):
+        for field in fields(made):
+            same(getattr(made, field.name), getattr(read, field.name), field.name)
+    assert back.table.rows == result.table.rows
+    assert (back.unseen is None) == seen
+    assert bool(back.measures.unseen_humps) != seen
+
+
+def same(made, read, where):
+    """Two values of one shape, numbers to rounding; fails with the place."""
+    assert type(made) is type(read), where
+    if is_dataclass(made):
+        for field in fields(made):
+            same(getattr(made, field.name), getattr(read, field.name), f"{where}.{field.name}")
+    elif isinstance(made, dict):
+        assert list(made) == list(read), where
+        for key in made:
+            same(made[key], read[key], f"{where}[{key}]")
+    elif isinstance(made, tuple | list):
+        assert len(made) == len(read), where
+        for number, (value_made, value_read) in enumerate(zip(made, read, strict=True)):
+            same(value_made, value_read, f"{where}[{number}]")
+    elif isinstance(made, np.ndarray | float):
+        np.testing.assert_allclose(made, read, rtol=1e-5, atol=1e-4, err_msg=where)
+    else:
+        assert made == read, where
+
+
+def test_a_full_disk_is_refused_with_what_a_result_needs(tmp_path, monkeypatch):
+    usage = shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=1_400_000))
+    with pytest.raises(InputError, match=f"1 MB are free on this disk; a result needs {LEAST_SPACE / 1e6:.0f} MB"):
+        prepare_folder(tmp_path / "out")
+
+
+def test_the_text_for_the_viewer_has_every_level_where_there_is_a_spine(simulated):
+    case, mesh, displacement = known_case()
+    increments = known_increments(displacement, mesh)
+    skin = predicted_skin(case, mesh, increments[-1].displacement)
+    before = measure(case.skin, case.landmarks_before)
+    after = measure(skin, case.planned_landmarks, case.skin)
+    rows = markdown(case, increments[-1], before, after, ["One warning."]).splitlines()
+    table = [[cell.strip() for cell in row.split("|")] for row in rows if "|" in row]
+    cells = {row[1]: row[2:4] for row in table}
+    for level, was in BEFORE.rotations.items():
+        shown = [f"{abs(x):.{0 if abs(x) >= 9.95 else 1}f}" for x in (was, AFTER.rotations[level])]
+        sides = ["right" if x > 0.0 else "left" for x in (was, AFTER.rotations[level])]
+        assert cells[level] == [" ".join(words) for words in zip(shown, sides, strict=True)]
+    assert "**Warning:** One warning." in rows
+    part = simulated[0]
+    nothing = measure(part.skin, NO_LANDMARKS)
+    assert "rotation of the back" not in markdown(part, increments[-1], nothing, nothing, [])
+
+
+def test_points_that_are_followed_have_their_way_and_share(simulated, tmp_path):
+    case, trunk, model, increments = simulated
+    at = case.skin.vertices[0]
+    marks = Landmarks(("tip", "bone"), np.array([at, case.bones["T10"].vertices[0]]))
+    followed = replace(case, points=Points(marks, {"tip": "bone"}))
+    result = result_of(followed, trunk, model, increments[-1:], seconds={"total": 1.0})
+    result.save(tmp_path)
+    lines = [line for line in plain(read_result(tmp_path)).splitlines() if " moves by " in line]
+    tip, bone = result.summary.points
+    way = np.linalg.norm(increments[-1].displacement[trunk.skin_nodes[0]])
+    assert lines == [
+        f"tip (skin) moves by {way:.1f} mm, {tip.ratio:.2f} of the way of bone",
+        f"bone ({bone.on}) moves by {bone.distance:.1f} mm",
+    ]

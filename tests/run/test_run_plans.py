@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -205,7 +206,9 @@ def test_a_plan_outside_the_bounds_is_told_but_not_proposed() -> None:
     assert best.best is best.start  # less correction flattens less
     assert best.gain == best.gain_sd == 0.0
     assert all(0.1 <= trial.shares[0] <= 0.3 for trial in best.trials[1:])
-    assert "No plan within the bounds was found that is better" in best_plan_text(best)
+    text = best_plan_text(best)
+    assert "No plan within the bounds was found that is better" in text
+    assert re.search(r"correction of T8 +0\.50 +0\.50   0\.1 to 0\.3$", text, re.MULTILINE)
 
 
 def test_what_two_plans_share_does_not_blur_the_gain() -> None:

@@ -18,6 +18,7 @@ from warp_trunk.measures.quantities import Measured, MeasureTable
 from warp_trunk.results import read_result
 from warp_trunk.run import warnings
 from warp_trunk.run.options import Execution, RunOptions
+from warp_trunk.run.patient import patient_of
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
 from warp_trunk.run.warnings import (
@@ -176,3 +177,47 @@ def test_the_usual_number_says_nothing(monkeypatch):
 
 def test_memory_is_known_here():
     assert 1e8 < warnings.usable_memory() < 1e14
+
+
+@pytest.mark.parametrize(
+    ("kyphosis", "warned"), [(9.5, True), (10.5, False), (39.5, False), (40.5, True), (-3.0, True)]
+)
+def test_a_kyphosis_out_of_the_range_of_lenke_is_warned_of(kyphosis: float, warned: bool) -> None:
+    table = MeasureTable([Measured("predicted", "T5-T12", "kyphosis_deg", kyphosis)])
+    assert any("yphosis" in text for text in alignment_warnings(table)) == warned
+
+
+@pytest.mark.parametrize(("shift", "words"), [(21.0, "21 mm right"), (-21.0, "21 mm left"), (19.0, "")])
+def test_a_shift_beside_the_sacrum_is_warned_of_with_its_side(shift: float, words: str) -> None:
+    sentences = alignment_warnings(MeasureTable([Measured("predicted", "", "trunk_shift_mm", shift)]))
+    assert [words in text for text in sentences] == [True] * bool(words)
+
+
+@pytest.mark.parametrize(
+    ("was", "will", "reversed_"),
+    [(15.0, -14.0, True), (-15.0, 14.0, True), (15.0, 14.0, False), (15.0, -0.1, False)],
+)
+def test_shoulders_that_reverse_are_warned_of(was: float, will: float, reversed_: bool) -> None:
+    rows = [
+        Measured(state, "", "shoulder_difference_mm", x) for state, x in (("before", was), ("predicted", will))
+    ]
+    sentences = alignment_warnings(MeasureTable(rows))
+    assert any("houlder" in text for text in sentences) == reversed_
+
+
+@pytest.mark.parametrize(("error", "words"), [(0.0042, "0.0042 mm from equilibrium, "), (np.inf, "")])
+def test_each_increment_is_a_line_where_there_is_no_terminal(
+    error: float, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    increment = made_up_increments(small_case()[1])[1]
+    ended = replace(increment, relaxation=replace(increment.relaxation, estimated_error=error))
+    with Progress() as progress:
+        progress.increment(ended, 3)
+    said = capsys.readouterr()
+    line = next(row for row in (said.err + said.out).splitlines() if "increment" in row)
+    assert line.endswith(f"increment 2 of 3: CONVERGED, {words}4 steps, 100 linear iterations, 0.2 s")
+
+
+def test_a_patient_is_refused_with_a_constant_that_her_model_does_not_read() -> None:
+    with pytest.raises(InputError, match="--poisson-ratio: used by --energy neo-hookean"):
+        patient_of(small_case()[0], RunOptions(energy="itmsm", constants={"poisson_ratio": 0.4}))

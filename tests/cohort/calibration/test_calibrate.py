@@ -17,11 +17,12 @@ from warp_trunk.case import write_case
 from warp_trunk.case.case import Study
 from warp_trunk.case.tissue_file import constant_of, read_tissue_file
 from warp_trunk.cli.cohort import Calibrate
+from warp_trunk.cohort.calibration import calibrate as calibrating
 from warp_trunk.cohort.calibration.calibrate import Calibration, FittedConstant, HeldOut, Rounds, prior_of
 from warp_trunk.cohort.calibration.fit import Prior, certainty, find, without
 from warp_trunk.cohort.calibration.free_constants import FreeConstant, check_free, values_of
 from warp_trunk.cohort.calibration.one_fit import CaseFit, FitJob, fit_case
-from warp_trunk.cohort.calibration.report import calibration_text, write_calibration
+from warp_trunk.cohort.calibration.report import calibration_text, gain_text, write_calibration
 from warp_trunk.cohort.one_case import CohortOptions
 from warp_trunk.cohort.statistics import over_patients
 from warp_trunk.engine.relaxation import RelaxOptions
@@ -365,3 +366,85 @@ def test_a_skin_on_its_way_does_not_count(job: FitJob) -> None:
             relaxed(job, RelaxOptions(method="gradient", max_steps=1)),
             np.array([constant.counted(constant.start) for constant in job.free]),
         )
+
+
+class Nearer(ScriptedRounds):
+    """Rounds of backs that are as far from the actual ones as their constant is from that of their patient."""
+
+    def __init__(self, jobs: Sequence[FitJob]) -> None:
+        super().__init__({})
+        self.jobs, self.asked = list(jobs), list[tuple[str, float]]()
+
+    def submitted(self, jobs: Sequence[tuple[FitJob, np.ndarray]]) -> dict[str, CaseFit | Exception]:
+        self.asked += [(job.name, float(counted[0])) for job, counted in jobs]
+        return {job.name: self.of(job, float(counted[0])) for job, counted in jobs}
+
+    @staticmethod
+    def of(job: FitJob, x: float) -> CaseFit:
+        """Its residual is the distance of the constant from the one that is best for the patient."""
+        best = {"P1": 1.0, "P2": 1.2}[job.patient]
+        residuals, derivative = np.array([x - best]), np.array([[1.0]])
+        away = abs(x - best)
+        return CaseFit(residuals=residuals, derivative=derivative, skin_mm=away, bsr_deg=2.0 * away)
+
+
+def test_a_calibration_names_cases_patients_poses_and_what_holding_out_gained(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Two cases of one patient and one of another; each is judged with the constant of the other patient."""
+    free = (FreeConstant(name="theta", start=10.0),)
+    studies = {
+        "a": Study(patient="P1", synthetic=True),
+        "b": Study(patient="P1", pose="bending"),
+        "c": Study(patient="P2", synthetic=True),
+    }
+    jobs = [
+        FitJob(folder=Path(name), options=CohortOptions(), free=free, study=study)
+        for name, study in studies.items()
+    ]
+    rounds: list[Nearer] = []
+
+    def of_jobs(_: Any, jobs: Sequence[FitJob], __: Any) -> Nearer:
+        rounds.append(Nearer(jobs))
+        return rounds[0]
+
+    monkeypatch.setattr(calibrating, "Rounds", of_jobs)
+    nobody: Any = None
+    calibration = calibrating.calibrate(nobody, jobs, free, Progress(), priors=False)
+    assert (calibration.cases, calibration.patients, calibration.poses) == (
+        ("a", "b", "c"),
+        2,
+        ("bending", "surgery"),
+    )
+    assert (calibration.synthetic, calibration.converged, calibration.left_out) == (2, True, {})
+    (theta,) = calibration.constants
+    counted = rounds[0].asked[0][1]  # the constant as it is counted, at the start
+    assert theta.start == 10.0
+    assert theta.low <= theta.value <= theta.high
+    mean = (1.0 + 1.0 + 1.2) / 3.0
+    assert theta.value == pytest.approx(free[0].value(mean), rel=1e-3)
+    assert [(judged.case, judged.patient) for judged in calibration.held_out] == [
+        ("a", "P1"),
+        ("b", "P1"),
+        ("c", "P2"),
+    ]
+    for judged, alone, own in zip(calibration.held_out, (1.2, 1.2, 1.0), (1.0, 1.0, 1.2), strict=True):
+        assert judged.skin_mm == pytest.approx(abs(alone - own), abs=1e-3)
+        assert judged.skin_before_mm == pytest.approx(abs(counted - own), abs=1e-6)
+        assert judged.bsr_deg == pytest.approx(2.0 * judged.skin_mm)
+        assert judged.bsr_before_deg == pytest.approx(2.0 * judged.skin_before_mm)
+        assert judged.constants == {"theta": pytest.approx(free[0].value(alone), rel=1e-3)}
+    gains = {"P1": abs(counted - 1.0) - 0.2, "P2": abs(counted - 1.2) - 0.2}
+    assert not_none(calibration.held_out_gain_mm).mean == pytest.approx(np.mean([*gains.values()]), abs=1e-3)
+    assert calibration.skin_before_mm == pytest.approx(
+        np.mean([abs(counted - x) for x in (1.0, 1.0, 1.2)]), abs=1e-6
+    )
+    assert calibration.skin_mm == pytest.approx(np.mean([abs(mean - x) for x in (1.0, 1.0, 1.2)]), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("gains", "words"), [([0.5, 0.3], "0.40 mm nearer to"), ([-0.5, -0.3], "0.40 mm further from")]
+)
+def test_a_gain_says_whether_held_out_backs_come_nearer(gains: list[float], words: str) -> None:
+    text = gain_text(replace(CALIBRATION, held_out_gain_mm=over_patients(gains, ["P1", "P2"])))
+    assert f"comes {words} the actual one in the mean" in text

@@ -1,0 +1,162 @@
+"""The words that commands print: places, volumes, findings, interruptions; and the plan of the demo."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import warp_trunk.cli.simulate as simulate_command
+from support.synthetic import sphere
+from warp_trunk.case.landmarks import Landmarks, write_landmarks
+from warp_trunk.cli import doctor, films, main
+from warp_trunk.cli.output import BAD_INPUT, INCOMPLETE, INTERRUPTED, OK
+from warp_trunk.cli.simulate import crossings_written
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface_checks import enclosed_volume
+from warp_trunk.io.surface_files import read_surface, write_surface
+from warp_trunk.meshing import CrossingError
+from warp_trunk.preparation import phantom
+from warp_trunk.run.doctor import Finding
+
+MISSING = Finding("kernels", "broken", "install it", needed=True)
+NOTE = Finding("display", "none", "use --web")
+FINE = Finding("processor", "x86_64", needed=True)
+
+
+@pytest.mark.parametrize(
+    ("findings", "status", "marks"),
+    [
+        ([FINE], OK, ["ok"]),
+        ([FINE, NOTE], OK, ["ok", "note"]),
+        ([MISSING, FINE], INCOMPLETE, ["MISSING", "ok"]),
+        ([NOTE, MISSING], INCOMPLETE, ["note", "MISSING"]),
+    ],
+)
+def test_doctor_ends_as_its_marks_say(
+    findings: list[Finding],
+    status: int,
+    marks: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(doctor, "examine", lambda _: findings)
+    assert main(["doctor"]) == status
+    said = capsys.readouterr().out
+    assert re.findall(r"^(ok|note|MISSING) ", said, re.MULTILINE) == marks
+    assert [line.split("-> ")[1] for line in said.splitlines() if "-> " in line] == [
+        part.cure for part in findings if part.cure
+    ]
+    assert said.rstrip().endswith("Ready." if status == OK else "see the lines marked MISSING.")
+
+
+def test_an_interruption_has_its_status_and_says_so_where_errors_stand(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(_: Path) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(doctor, "examine", interrupted)
+    assert main(["doctor"]) == INTERRUPTED
+    said = capsys.readouterr()
+    assert (said.out, said.err) == ("", "warp-trunk: interrupted\n")
+
+
+@pytest.mark.parametrize(("units", "size"), [("mm", 1.0), ("cm", 10.0)])
+def test_parts_of_a_bone_have_their_volumes_and_their_sides(
+    units: str, size: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A ball of 20 mm, cut 10 mm above its middle: a cap of 5/32 of its volume is beyond."""
+    ball = sphere(20.0 / size)
+    (tmp_path / "bones").mkdir()
+    write_surface(tmp_path / "bones" / "T7.ply", ball)
+    (tmp_path / "case.toml").write_text(f'units = "{units}"\n', encoding="utf-8")
+    plane = ["0", "0", "10", "0", "0", "1"]
+    assert main(["cut", str(tmp_path), "--bone", "T7", "--plane", *plane, "--names", "below", "above"]) == OK
+    said = dict(re.findall(r"^(\w+): ([\d.]+) cm3$", capsys.readouterr().out, re.MULTILINE))
+    whole = 4.0 / 3.0 * np.pi * 8.0
+    assert float(said["above"]) == pytest.approx(5.0 / 32.0 * whole, rel=0.03)
+    assert float(said["below"]) == pytest.approx(27.0 / 32.0 * whole, rel=0.03)
+    above, below = (read_surface(tmp_path / "bones" / f"{name}.ply") for name in ("above", "below"))
+    assert above.vertices[:, 2].min() == pytest.approx(10.0 / size, abs=1e-3)
+    assert below.vertices[:, 2].max() == pytest.approx(10.0 / size, abs=1e-3)
+    assert enclosed_volume(above) * size**3 / 1000.0 == pytest.approx(float(said["above"]), abs=0.01)
+    assert (tmp_path / "bones_uncut" / "T7.ply").is_file()
+    assert sorted(path.name for path in (tmp_path / "bones").iterdir()) == ["above.ply", "below.ply"]
+
+
+def test_bones_with_names_that_are_nearly_right_are_refused_by_commands_that_read_them(
+    tmp_path: Path, refused: Callable[..., str]
+) -> None:
+    write_surface(tmp_path / "T08.ply", sphere(10.0))
+    refused(["landmarks", tmp_path, "--out", tmp_path / "a.csv"], "T08", "a case calls this bone T8")
+
+
+@pytest.mark.parametrize(
+    ("depth", "words"),
+    [
+        ({"rib_left_08": 4.0, "sternum": 2.5}, "Nearest to the skin comes sternum, 2.5 mm under it"),
+        ({"rib_left_08": -0.5, "sternum": 2.5}, "Nearest to the skin comes rib_left_08, 0.5 mm outside it"),
+        ({}, "Ribs and sternum are not fitted under a skin: give --skin and --atlas-skin for that"),
+    ],
+)
+def test_fit_atlas_says_which_bone_comes_nearest_to_the_skin_and_from_where(
+    depth: dict[str, float],
+    words: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    fit = SimpleNamespace(
+        bones={"T7": sphere(10.0)}, names=("a", "b"), miss=np.array([1.0, 3.0]), left_out=np.array([2.0, 6.0]),
+        own=("T7",), depth=depth,
+    )  # fmt: skip
+    asked: list[Any] = []
+    monkeypatch.setattr(films, "fit_atlas", lambda *arguments, **_: asked.append(arguments) or fit)
+    (tmp_path / "atlas").mkdir()
+    write_surface(tmp_path / "atlas" / "T7.ply", sphere(10.0))
+    for name, x in (("a", 0.0), ("p", 1.0)):
+        write_landmarks(tmp_path / f"{name}.csv", Landmarks(("a", "b"), np.array([[x, 0.0, 0.0], [x, 9.0, 0.0]])))
+    files = ["--atlas", str(tmp_path / "a.csv"), "--patient", str(tmp_path / "p.csv")]
+    words_of_command = ["fit-atlas", "--bones", str(tmp_path / "atlas"), *files, "--out", str(tmp_path / "out")]
+    assert main(words_of_command) == OK
+    said = capsys.readouterr().out
+    assert words in said
+    assert "Landmarks are missed by mean 2.00, largest 3.00 mm (b)" in said
+    assert "Left out one at a time: mean 4.00, largest 6.00 mm (b)" in said
+    ((_, atlas, patient, drift, nugget),) = asked
+    assert (atlas.points[0, 0], patient.points[0, 0], drift, nugget) == (0.0, 1.0, "linear", 0.0)
+    rows = (tmp_path / "out" / "atlas_fit.csv").read_text(encoding="utf-8").split()
+    assert rows == ["name,error,error_left_out", "a,1.0,2.0", "b,3.0,6.0"]
+    assert (tmp_path / "out" / "T7.ply").is_file()
+
+
+def test_the_demo_is_the_operation_that_it_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fused from T4 to L1; 65 % of the curve and 40 % of its rotation are taken away, with intervals."""
+    asked: list[Any] = []
+
+    def seen(*arguments: Any, **named: Any) -> None:
+        asked.append((arguments, named))
+        raise InputError("seen")
+
+    monkeypatch.setattr(phantom, "phantom_case", lambda: "phantom")
+    monkeypatch.setattr(simulate_command, "simulate", seen)
+    assert main(["demo"]) == BAD_INPUT
+    (((case, plan, options, _), named),) = asked
+    (curve,) = plan.curves
+    assert (case, plan.uiv, plan.liv, curve.apex) == ("phantom", "T4", "L1", "T8")
+    assert (curve.correction, curve.derotation) == (0.65, 0.4)
+    assert options.bands
+    assert named["folder"] == Path("results/demo")
+    assert named["warnings"] == ()
+
+
+def test_triangles_that_cross_are_written_where_the_result_would_be(tmp_path: Path) -> None:
+    surface = sphere(10.0)
+    crossing = pytest.raises(InputError, match=r"look at the triangles that cross in .*crossings\.ply")
+    with crossing, crossings_written(tmp_path / "not" / "yet"):
+        raise CrossingError("they cross", surface, np.array([[0, 1]]))
+    assert len(read_surface(tmp_path / "not" / "yet" / "crossings.ply").faces) == 2
