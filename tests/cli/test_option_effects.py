@@ -8,7 +8,7 @@ tests of their parts.
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -144,6 +144,15 @@ WITH = {
 }  # fmt: skip
 """Options that stand beside another."""
 
+
+@dataclass(frozen=True)
+class Calibrated:
+    """The part of a calibration that the command reads."""
+
+    converged: bool = True
+    left_out: dict[str, str] = field(default_factory=dict)
+
+
 END = object()
 """The answer of a function that does the work: with its call all that was asked for is known."""
 POINTS = np.arange(9.0).reshape(3, 3)
@@ -190,7 +199,7 @@ ANSWERS: dict[Any, dict[str, Any]] = {
     plan_command: {"simulate": END, "best_plan": END},
     opening: {"plan_live": END},
     cohort_command: {
-        "work": END, "calibrate": SimpleNamespace(converged=True, left_out=()), "write_calibration": END,
+        "work": END, "calibrate": Calibrated(), "write_calibration": END,
     },
 }  # fmt: skip
 """The functions that commands call, and what they are given there."""
