@@ -266,7 +266,7 @@ def glance_table(
         for line in shown:
             row = lines.setdefault((line.key, line.level), [line.subject, *[MISSING] * len(by_plan)])
             parts = [
-                ", ".join(filter(None, (line.text, line.side))),
+                ", ".join(filter(None, (line.text, line.side if line.is_known else ""))),
                 line.word,
                 line.note,
                 f"19 of 20: {line.interval}" if line.interval else "",
