@@ -1,19 +1,25 @@
 """Lines of depth on the skin, and the field between plans that are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import trimesh
 
+from support.small_trunk import curved_case
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.live.loopback import LoopbackServer
 from warp_trunk.live.page_scene import (
     HATCH,
     LINE_DISTANCE,
     OUTLINE,
+    PageScene,
     hatch_lines,
     outer_first,
     outlines,
     relief_lines,
 )
 from warp_trunk.live.relaxation import InitialGuess
+from warp_trunk.recording.viewer import free_port
 
 
 def check_circles(ends: np.ndarray, axis: int, step: float, numbers: range) -> None:
@@ -99,3 +105,19 @@ def test_a_known_plan_is_met_the_next_is_straight_on_and_beside_it_is_the_neares
     assert off < 0.15 * np.abs(field(9.0) - field(8.0)).max()
     side = BESIDE - WAY * np.vdot(BESIDE, WAY) / np.vdot(WAY, WAY)
     np.testing.assert_allclose(forecast.at(ZERO + 8.0 * WAY + 0.1 * side), field(8.0), atol=1e-9)
+
+
+def test_only_what_was_not_measured_is_hatched_on_the_page_skin_and_shirt() -> None:
+    case = curved_case()
+    front = case.skin.vertices[:, 1] < 0.0
+    server = LoopbackServer(free_port(), "hatch")
+    try:
+        scene = PageScene(server, replace(case, unseen=front.astype(np.float64)))
+        points = np.asarray(scene._hatch.points)
+        assert scene._hatch.visible
+        behind = case.skin.vertices[:, 1].max()
+        assert points[..., 1].min() < case.skin.vertices[:, 1].min() + 1.0
+        assert points[..., 1].max() < 0.7 * behind
+        assert not PageScene(server, case)._hatch.visible
+    finally:
+        server.stop()
