@@ -172,6 +172,7 @@ def test_what_does_not_fit_is_named(trunk, tmp_path):
     [
         (lambda t: {"tets": t.tets[:, [1, 0, 2, 3]]}, "positive volume"),
         (lambda t: {"tets": t.tets + 10000}, "'tets' must lie"),
+        (lambda t: {"tets": np.vstack([t.tets, t.tets[5:6, [1, 2, 0, 3]]])}, "has the corners of an earlier one"),
         (lambda t: {"tets": t.tets[:0]}, "no tetrahedra"),
         (lambda t: {"bone": t.bone + 1}, "'bone' must lie"),
         (lambda t: {"bone": t.bone[1:]}, "'bone' must have shape"),

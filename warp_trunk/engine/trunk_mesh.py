@@ -84,6 +84,21 @@ def check_trunk(trunk: TrunkMesh, name: str) -> None:
             f"{name}: every tetrahedron must have a positive volume, but tetrahedron {np.argmin(volume)} has "
             f"{volume.min():g} mm^3; check the order of its corners, or mesh again"
         )
+    if (again := repeated_tet(trunk.tets, count)) is not None:
+        raise InputError(
+            f"{name}: each tetrahedron must be there once, but tetrahedron {again} has the corners of an "
+            "earlier one; remove it, or mesh again"
+        )
+
+
+def repeated_tet(tets: np.ndarray, nodes: int) -> int | None:
+    """The first tetrahedron with the corners of an earlier one, in any order; None where each is there once."""
+    mark = np.random.default_rng(0).integers(np.iinfo(np.int64).max, size=nodes)
+    sums = mark[tets].sum(axis=1)  # wraps; equal where corners are, and else by a chance of 1e-9
+    if len(np.unique(sums)) == len(tets):
+        return None
+    _, first, same = np.unique(np.sort(tets, axis=1), axis=0, return_index=True, return_inverse=True)
+    return next(iter(np.flatnonzero(first[same.ravel()] != np.arange(len(tets))).tolist()), None)
 
 
 def check_tissue(tissue: np.ndarray, tets: int, name: str) -> None:
