@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 from typing import Any
 
 import numpy as np
@@ -76,6 +77,10 @@ class NodeGroups:
 def tie(rows: np.ndarray, columns: np.ndarray, blocks: np.ndarray, size: int) -> list[list[int]]:
     """Groups of at most MEMBERS nodes, ascending, by their stiffest links.
 
+    Nodes are tied, then groups by the blocks of their translations, always by the stiffest link, until none is
+    stiff. So a thread of tissue becomes one group: no link along it is much stiffer than the next, but the longer
+    a piece of it, the softer is what holds the piece.
+
     Args:
         rows: row of each 3x3 block on or above the diagonal of a symmetric matrix, shape (blocks,).
         columns: its column, shape (blocks,).
@@ -86,12 +91,29 @@ def tie(rows: np.ndarray, columns: np.ndarray, blocks: np.ndarray, size: int) ->
     root = np.zeros(size)
     root[rows[diagonal]] = np.sqrt(np.maximum(norm[diagonal], np.finfo(norm.dtype).tiny))
     part = norm / (root[rows] * root[columns])
-    stiff = np.flatnonzero((part > STIFF) & ~diagonal)
-    stiff = stiff[np.argsort(-part[stiff], kind="stable")]
-    group_of: dict[int, list[int]] = {}
-    for a, b in zip(rows[stiff].tolist(), columns[stiff].tolist(), strict=True):
-        first_group, other = group_of.setdefault(a, [a]), group_of.setdefault(b, [b])
-        if first_group is not other and len(first_group) + len(other) <= MEMBERS:
-            first_group += other
-            group_of.update(dict.fromkeys(other, first_group))
-    return sorted({id(group): sorted(group) for group in group_of.values() if len(group) > 1}.values())
+    stiff = (part > STIFF) & ~diagonal
+    tied = np.zeros(size, dtype=bool)
+    tied[rows[stiff]] = tied[columns[stiff]] = True
+    links = sorted(zip((-part[stiff]).tolist(), rows[stiff].tolist(), columns[stiff].tolist(), strict=True))
+    groups = {node: [node] for node in np.flatnonzero(tied).tolist()}
+    near: dict[int, dict[int, np.ndarray]] = {node: {} for node in groups}  # blocks with others and with itself
+    among = tied[rows] & tied[columns]
+    for a, b, block in zip(rows[among].tolist(), columns[among].tolist(), blocks[among], strict=True):
+        near[a][b], near[b][a] = block, block.T
+    while links:
+        _, a, b = heapq.heappop(links)
+        if not (a in groups and b in groups and len(groups[a]) + len(groups[b]) <= MEMBERS):
+            continue
+        both, size = size, size + 1
+        groups[both], near[both] = groups.pop(a) + groups.pop(b), {}
+        for member in (a, b):
+            for other, block in near.pop(member).items():
+                to = both if other in (a, b) else other
+                near[both][to] = near[both].get(to, 0.0) + block
+        for other, block in near[both].items():
+            if other != both:
+                near[other] = {to: each for to, each in near[other].items() if to not in (a, b)} | {both: block.T}
+                own = np.linalg.norm(near[both][both]) * np.linalg.norm(near[other][other])
+                if (stiffness := float(np.linalg.norm(block) / max(own, 1e-300) ** 0.5)) > STIFF:
+                    heapq.heappush(links, (-stiffness, both, other))
+    return sorted(sorted(group) for group in groups.values() if len(group) > 1)
