@@ -49,7 +49,6 @@ class Team:
         self.ranges = ranges
         self.way = waking_way()
         """How its threads are woken."""
-        self._lock = threading.RLock()
         self._board: wp.array | None = None
         self._process = 0
         """The process whose threads they are, 0 for none."""
@@ -60,7 +59,8 @@ class Team:
     def program(self, steps: Sequence[Step]) -> Callable[[], None]:
         """The steps as a launch: one call of machine code, which Ctrl-C or another thread cannot come between.
 
-        The launch raises InputError where the system does not start the threads; it can be launched again.
+        Whoever launches it holds `ENGINE`. It raises InputError where the system does not start the threads, and
+        can be launched again.
         """
         split = any(step.split for step in steps)
         threads = self.ranges if split else 1
@@ -81,10 +81,9 @@ class Team:
         run = self._call(call_kernel, 0, [threads, table.ctypes.data, len(steps)])
 
         def launch(held: Any = held) -> None:
-            with self._lock:
-                if split:
-                    self._start()
-                run()
+            if split:
+                self._start()
+            run()
 
         return launch
 
