@@ -18,13 +18,11 @@ import numpy as np
 from warp_trunk.errors import InputError
 
 from .model import Model
-from .newton import solve
+from .newton import Relaxer, solve
 from .parallel import takes_turns
 from .policy import Action, Run, Saddle, searched
 from .relaxation import check_tolerance
 from .rest_mesh import RestMesh
-from .state import State
-from .work import Work
 
 MOST_ROUNDS = 50
 """A sag of 6 mm takes 4 rounds, one of 40 mm 14; what has not ended by then will not."""
@@ -65,12 +63,15 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
     check_tolerance(tolerance)
     if model.gravity == 0.0 or model.free_nodes == 0:
         return RestState(model, 0.0, 0.0, 0, 0)
-    scan = model.rest
-    rest = scan.copy()
-    scanned = mesh_at(model, scan)
-    work = resting(model, scanned)
-    state = State(work)
-    solver, run = Work(state), Run(tolerance)
+    relaxer = Relaxer(resting(model, mesh_at(model, model.rest)))
+    return relaxer.ownership.work(None, _find_rest_state, model, relaxer, tolerance)
+
+
+def _find_rest_state(model: Model, relaxer: Relaxer, tolerance: float) -> RestState:
+    """See `sag_free`; the relaxer is of the model at rest in the scan, whose measures change."""
+    scan, state, solver = model.rest, relaxer.state, relaxer.work
+    assert solver is not None  # nodes are free
+    rest, scanned, run = scan.copy(), mesh_at(model, scan), Run(tolerance)
     state.set_from_rest(scan - rest)
     solver.evaluate()
     spent = 0
@@ -81,7 +82,7 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
         mesh = mesh_at(model, rest)
         if not (np.isfinite(rest).all() and (mesh.volume > LEAST_VOLUME * scanned.volume).all()):
             break
-        for part in filter(None, (work.elements, work.skin)):
+        for part in filter(None, (relaxer.model.elements, relaxer.model.skin)):
             for name, values in part.measures(mesh).items():
                 getattr(part, name).assign(values)
         state.set_from_rest(scan - rest)
