@@ -7,6 +7,7 @@ import importlib
 import re
 from collections import defaultdict
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,9 @@ SEVERAL_MEANINGS = {"left", "norm"}
 """Words that had several meanings; no field or argument is called so."""
 EACH_ENERGY = {"VOLUME", "GRAVITY"}
 """Columns of sums, which every energy numbers for itself."""
+
+UNIT = r"\[[^\]]+\]|\b([Pp]art|[Ff]raction|[Rr]elative|[Rr]oundings|chance|[Ss]tandard deviations|[Nn]umber of)\b"
+"""A unit in brackets, or words for a number without one."""
 
 
 def modules() -> Iterator[ast.Module]:
@@ -64,6 +68,18 @@ def test_a_constant_has_one_value_in_all_files() -> None:
                         values[name.id].add(ast.unparse(node.value))
     twice = {name: various for name, various in values.items() if len(various) > 1 and len(name) > 1}
     assert set(twice) <= EACH_ENERGY, twice
+
+
+def test_every_real_field_states_its_unit_or_of_what_it_is_a_part() -> None:
+    without = []
+    for module in modules():
+        for owner in (node for node in module.body if isinstance(node, ast.ClassDef)):
+            for field, text in pairwise([*owner.body, None]):
+                if isinstance(field, ast.AnnAssign) and re.search(r"\bfloat\b", ast.unparse(field.annotation)):
+                    meaning = ast.unparse(text) if text is not None else ""
+                    if not re.search(UNIT, meaning) and "Callable" not in ast.unparse(field.annotation):
+                        without.append(f"{owner.name}.{ast.unparse(field.target)}")
+    assert not without
 
 
 @pytest.mark.parametrize("word", sorted(SEVERAL_MEANINGS))

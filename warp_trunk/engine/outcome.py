@@ -30,4 +30,4 @@ class LinearSolution:
     gradient_norm: float
     """The square root of g . M^-1 g [root of the energy's unit]."""
     residual_norm: float
-    """The same of the residual that the solve left."""
+    """The same of the residual that the solve left [root of the energy's unit]."""

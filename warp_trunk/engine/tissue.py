@@ -27,9 +27,9 @@ class Limits:
     """Bounds and unit of a number, beside its type; attributes are called as those of `msgspec.Meta`."""
 
     ge: float = 0.0
-    """Least value."""
+    """Least value [of the number's unit]."""
     le: float = math.inf
-    """Largest value, itself not allowed where it is infinite."""
+    """Largest value [of the number's unit], itself not allowed where it is infinite."""
     description: str = ""
     """Unit."""
     by_factor: bool = False
@@ -49,16 +49,16 @@ class Tissue:
     """
 
     epsilon: Annotated[float, Limits(by_factor=True)] = 1.0
-    """Stiffness of faces against edges, k_A / k_D of eq. 4.6; 0 leaves the area term out."""
+    """Stiffness of faces against edges, k_A / k_D of eq. 4.6 [1]; 0 leaves the area term out."""
     theta: Annotated[float, Limits(by_factor=True)] = 10.0
-    """Stiffness of tetrahedra against edges, k_V / k_D of eq. 4.6; 0 leaves the volume term out."""
+    """Stiffness of tetrahedra against edges, k_V / k_D of eq. 4.6 [1]; 0 leaves the volume term out."""
     density: Annotated[float, Limits(ge=1e-9, description="kg/m^3")] = 1000.0
     """Mass per volume [kg/m^3], eq. 4.15; used only with gravity."""
     youngs_modulus: Annotated[float, Limits(ge=1e-9, description="kPa", by_factor=True)] = 10.0
     """Stiffness of the tissue as a continuum [kPa]; it matters beside other tissues, and with gravity."""
     poisson_ratio: Annotated[float, Limits(le=0.499)] = 0.35
-    """Poisson's ratio of the neo-Hookean energy, from 0 to 0.499; 0.5 would keep every volume. Soft tissue alone
-    is nearly incompressible, but what fills chest and belly moves out of the way when a flank closes."""
+    """Poisson's ratio of the neo-Hookean energy [1], from 0 to 0.499; 0.5 would keep every volume. Soft tissue
+    alone is nearly incompressible, but what fills chest and belly moves out of the way when a flank closes."""
 
     def __post_init__(self) -> None:
         """Raises InputError for a value that no tissue has."""

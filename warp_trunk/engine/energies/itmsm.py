@@ -105,11 +105,11 @@ class Constants:
     """The constants of eq. 4.6 of [2], those of stiffness of the first tissue."""
 
     epsilon: float
-    """k_A / k_D."""
+    """k_A / k_D [1]."""
     theta: float
-    """k_V / k_D."""
+    """k_V / k_D [1]."""
     alpha: float
-    """2 g M_0 H_0 / k_D; 0 without gravity."""
+    """2 g M_0 H_0 / k_D [1]; 0 without gravity."""
     k_d: float
     """k_D, the stiffness of an edge [J]; see `k_d`."""
     mean_mass: float
