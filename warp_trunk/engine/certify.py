@@ -8,10 +8,11 @@ iterations: its square is 1 / (p_0(s)^2 + ... + p_{k-1}(s)^2) with the orthonorm
 (Szego, Orthogonal Polynomials, 1939, theorem 3.4.2), and it is at least c^2. At s = 0 the p_j are 1 / |r_j| of
 the residuals r_j.
 
-The start is what a solve left, and white noise coloured by D^1/2 of the diagonal blocks D. As the preconditioner
-M <= m D for groups of m nodes, its component along any direction is normal with a standard deviation of at least
-that of the noise over m^1/2, about a mean that the former gives. The chance that it is below a bound is therefore
-at most sqrt(2 / pi) of their ratio, whatever the mesh and its spectrum: the chance of error. Rounding of H is in
+The start is what a solve left, and white noise coloured by D^1/2 of the diagonal blocks D, m^1/2 times as much on
+the nodes of a group of m. As the preconditioner M <= m D there, and M <= D elsewhere, its component along any
+direction is normal with a standard deviation of at least that of the noise, about a mean that the former gives.
+The chance that it is below a bound is therefore at most sqrt(2 / pi) of their ratio, whatever the mesh and its
+spectrum: the chance of error. Rounding of H is in
 the shift s. The noise has the same seed each time, so that runs agree to the last bit: claims on one trunk are
 false no more often for that, but together.
 
@@ -22,22 +23,19 @@ the solution by 1 / t in the norm of M, where the start has moved it by |v| |T^-
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
 
 from warp_trunk.kernels.assembly import COLUMNS
-from warp_trunk.kernels.node_groups import MEMBERS
 from warp_trunk.kernels.vectors import vector_kernels
 
+from .linear import BlockMatrix, ConjugateGradient
 from .outcome import LinearSolution
 from .parallel import Readback
-from .policy import POLICY, Action, Run, decide_claim, decide_end, stretch
-
-if TYPE_CHECKING:
-    from .work import Work
+from .policy import POLICY, Action, Run, decide_end, stretch
 
 POWERS = 20
 """Of the inverse matrix of Lanczos, by which its largest eigenvalue is found."""
@@ -46,14 +44,22 @@ POWERS = 20
 class Certificate:
     """A claim of CONVERGED at the end of a solve; a method for each sentence of its page (solver.md)."""
 
-    def __init__(self, work: Work) -> None:
-        """Records the launches; the matrix is the projected Hessian at rest."""
-        self._work, self._solver, self._noise = work, work.solver, 0.0
-        model, solver, inverse_diagonal = work.state.model, work.solver, work.matrix.inverse_diagonal
-        kernels, self._model = vector_kernels(model.scalar), model
-        white = model.array(np.random.default_rng(0).standard_normal((model.free_nodes, 3)), model.vec3)
-        self._color = model.over_free(kernels.color, [inverse_diagonal, white], [solver.noise])
-        blocks = inverse_diagonal.numpy().astype(float)
+    def __init__(self, matrix: BlockMatrix, solver: ConjugateGradient, groups: Sequence[Sequence[int]]) -> None:
+        """Records the launches.
+
+        Args:
+            matrix: the projected Hessian at rest.
+            solver: whose solves are continued.
+            groups: the nodes whose blocks its preconditioner inverts as a whole.
+        """
+        self._model, self._solver, self._noise = matrix.model, solver, 0.0
+        model, kernels = self._model, vector_kernels(self._model.scalar)
+        white = np.random.default_rng(0).standard_normal((model.free_nodes, 3))
+        for group in groups:
+            white[group] *= len(group) ** 0.5
+        given = [matrix.inverse_diagonal, model.array(white, model.vec3)]
+        self._color = model.over_free(kernels.color, given, [solver.noise])
+        blocks = matrix.inverse_diagonal.numpy().astype(float)
         self._stiffness = float((3.0 / np.trace(blocks, axis1=1, axis2=2)).mean())
         """Mean stiffness of a node [energy's unit / mm^2]."""
         before, change = model.free_vectors(), model.free_vectors()
@@ -70,18 +76,23 @@ class Certificate:
             self._largest_change.send,
         )
 
-    def claim(self, run: Run, solution: LinearSolution) -> tuple[Action, int]:
+    def claim(self, run: Run, solution: LinearSolution, floor: float) -> tuple[Action, int]:
         """Continues a solve with noise until no saddle can have been missed and no soft direction is hidden.
+
+        Args:
+            run: the relaxation.
+            solution: of the solve.
+            floor: the rounding error of distances at the state [mm].
 
         Returns:
             What comes next, and the linear iterations that were spent.
         """
-        run.estimate.floor = max(run.estimate.floor, self._work.measure())
+        run.estimate.floor = max(run.estimate.floor, floor)
         solution = self.begin(solution)
         spent = solution.iterations
         while True:
             first, chance = self.chances_of_saddle()
-            hidden, rounding = self.hidden() if chance <= POLICY.chance else (0.0, 0.0)
+            hidden, rounding = self.hidden(floor) if chance <= POLICY.chance else (0.0, 0.0)
             run.estimate.floor = max(run.estimate.floor, rounding)
             action = decide_end(run, solution, chance, hidden)
             if action is not Action.CERTIFY:
@@ -90,15 +101,10 @@ class Certificate:
             solution = self._solver.go_on(before + stretch(before, first, chance))
             spent += solution.iterations - before
 
-    def whole_step_holds(self) -> Action:
-        """Before a claim the whole step is tried: CERTIFY, or SEARCH where it leaves too much of its slope."""
-        return decide_claim(self._work.products().slope, self._work.attempt(1.0).products.slope)
-
     def begin(self, solution: LinearSolution) -> LinearSolution:
         """That solve is continued from its residual with noise of the same size."""
         least = POLICY.least_noise * float(np.finfo(self._model.precision).eps)
         self._noise = max(solution.residual_norm / max(3 * self._model.free_nodes, 1) ** 0.5, least)
-        self._work.drop_trial()
         self._keep_solution()
         self._color()
         return self._solver.add_noise(self._noise)
@@ -106,16 +112,15 @@ class Certificate:
     def chances_of_saddle(self) -> tuple[float, float]:
         """No saddle is missed, but with this chance: after the first iteration with noise, and after all."""
         rounding = POLICY.rounding * float(np.finfo(self._model.precision).eps)
-        noise = self._noise / MEMBERS**0.5  # the block of a group is at most MEMBERS times its diagonal
         r_dot_z, p_dot_q = self._solver.coefficients()
-        first = chance_of_saddle(r_dot_z[:1], p_dot_q[:1], noise, rounding)
-        return first, chance_of_saddle(r_dot_z, p_dot_q, noise, rounding)
+        first = chance_of_saddle(r_dot_z[:1], p_dot_q[:1], self._noise, rounding)
+        return first, chance_of_saddle(r_dot_z, p_dot_q, self._noise, rounding)
 
-    def hidden(self) -> tuple[float, float]:
+    def hidden(self, floor: float) -> tuple[float, float]:
         """Nor is a soft direction hidden: how far noise and rounding of forces may have moved along it [mm]."""
         r_dot_z, p_dot_q = self._solver.coefficients()
         noise = float(r_dot_z[0] / (3 * self._model.free_nodes)) ** 0.5
-        rounding = POLICY.rounding_of_forces * self._work.floor() * self._stiffness**0.5
+        rounding = POLICY.rounding_of_forces * floor * self._stiffness**0.5
         self._find_change()
         unit = POLICY.deviations * response(r_dot_z, p_dot_q) * float(self._largest_change.read().max()) ** 0.5
         return noise * unit, rounding * unit

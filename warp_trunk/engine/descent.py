@@ -9,16 +9,16 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 import warp as wp
 
 from warp_trunk.kernels.vectors import vector_kernels
 
+from .history import History
 from .line_search import search
 from .newton import Relaxer, estimate_distance
-from .relaxation import ROUNDING, History, Relaxation, RelaxStatus, RelaxStep
+from .relaxation import Relaxation, RelaxStatus, RelaxStep
 from .state import Products, State, longest
 
 MEMORY = 10
@@ -55,10 +55,8 @@ class ProjectedGradient:
         """See `relax`."""
         start, state, work = time.perf_counter(), self._state, self._relaxer.work
         (state if work is None else work).evaluate()
-        energy, inverted, _ = state.read()
-        watch_state = watch and partial(state.show, watch)
-        history = History(energy, inverted, ROUNDING[self._relaxer.model.precision], start, watch=watch_state)
-        if not math.isfinite(energy.total):
+        history = History(state, start, watch)
+        if not math.isfinite(history.energy.total):
             return history.end(RelaxStatus.NOT_FINITE, math.inf)
         if work is None:
             return history.end(RelaxStatus.CONVERGED, 0.0)
@@ -66,7 +64,7 @@ class ProjectedGradient:
         for _step in range(self._relaxer.options.max_steps):
             self._turn_downhill()
             reference, slope = history.largest_energy(MEMORY), work.products().slope
-            trial, _ = search(work.attempt, length, reference, slope, rounding=history.rounding)
+            trial = search(work.attempt, length, reference, slope, rounding=history.rounding)
             history.evaluations = work.evaluations
             if trial is not None:
                 work.accept()

@@ -51,7 +51,7 @@ def search(
     *,
     rounding: float = 1e-9,
     most: int = MOST_TRIALS,
-) -> tuple[Trial | None, int]:
+) -> Trial | None:
     """A length along a descent direction that lowers the energy and is allowed.
 
     Args:
@@ -63,14 +63,14 @@ def search(
         most: lengths to try.
 
     Returns:
-        The trial, the last one attempted, or None where no length helps; and the number of attempts.
+        The trial, the last one attempted, or None where no length helps.
     """
-    for attempts in range(1, most + 1):
+    for _ in range(most):
         trial = attempt(length)
         if trial.allowed and falls(trial, reference, slope, rounding):
-            return trial, attempts
+            return trial
         length = min(max(flat_length(trial, slope), 0.1 * length), 0.9 * length)
-    return None, most
+    return None
 
 
 def falls(trial: Trial, reference: float, slope: float, rounding: float) -> bool:

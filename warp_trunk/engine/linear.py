@@ -41,7 +41,7 @@ from .topology import equal_parts
 WINDOW = 4
 """Iterations between two tests of convergence. With 8, the papers' way took 448 iterations instead of 288."""
 SHORT_WINDOW = 2
-"""The same of a solve from near its end, which needs few iterations."""
+"""The same of a solve with the projected Hessian, which may leave more and takes few."""
 
 
 def zero_dots(model: Model, rows: int = 1) -> Dots:
@@ -245,8 +245,7 @@ class ConjugateGradient:
     def launch(
         self, absolute: float, relative: float, least_iterations: float = 0.0, *, short: bool = False
     ) -> None:
-        """Begins what `solve` does, with `short` windows where few iterations are expected; `read` waits for its
-        end."""
+        """Begins what `solve` does, with `short` windows or not; `read` waits for its end."""
         self._limit(absolute, relative, least_iterations)
         (self._run_short if short else self._run)()
 

@@ -54,6 +54,8 @@ class Multigrid:
 
     grids: Grids
     """Its grids, which also serve where more nodes are free."""
+    groups: NodeGroups
+    """The nodes that stiff links tie."""
 
     def __init__(self, matrix: BlockMatrix, grids: Grids | None = None) -> None:
         """Lays the grids over the free nodes at rest and takes the matrix as it is, a projected Hessian, onto
@@ -68,11 +70,11 @@ class Multigrid:
         sizes = [onto.vertices for onto in to_nodes]
         inverse = grids.inverse if grids else invert(grid_matrix(matrix, onto_nodes[-1], sizes[-1]))
         self.grids = Grids(laid, to_nodes, inverse)
-        self._groups = NodeGroups(matrix)
+        self.groups = NodeGroups(matrix)
         bounds = np.cumsum([0, *sizes[-2::-1]])  # of the grids but the last, the coarsest first
         self._grids = model.zeros(wp.types.matrix((3, 3), model.scalar), int(bounds[-1]))
         diagonals = [self._grids[first:end] for first, end in pairwise(bounds.tolist())][::-1]
-        self.update: Launch = self._groups.update
+        self.update: Launch = self.groups.update
         """Sets the blocks of groups to those of the matrix as it is, projected."""
         self.update_grids: Launch = in_sequence(
             *(
@@ -86,10 +88,10 @@ class Multigrid:
         self.reset_grids: Launch = partial(wp.copy, self._grids, wp.clone(self._grids))
         """Sets these blocks to those of the trunk at rest."""
         if model.parallel.is_cuda:
-            self._levels = CudaLevels(matrix, to_nodes, self._grids, inverse, self._groups)
+            self._levels = CudaLevels(matrix, to_nodes, self._grids, inverse, self.groups)
         else:
             between = [_Interpolation(model, g.interpolate(finer.positions)) for finer, g in pairwise(laid)]
-            self._levels = CpuLevels(matrix, [onto_nodes[0], *between], diagonals, inverse, self._groups)
+            self._levels = CpuLevels(matrix, [onto_nodes[0], *between], diagonals, inverse, self.groups)
 
     def step_and_apply(self, at: Iterates) -> Launch:
         """See `Preconditioner`."""

@@ -11,11 +11,11 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 
 import warp as wp
 
 from .grids import Grids
+from .history import History
 from .line_search import MOST_TRIALS, search
 from .linear import BlockMatrix
 from .model import Model
@@ -23,8 +23,8 @@ from .multigrid import Multigrid
 from .outcome import Outcome
 from .ownership import Ownership
 from .parallel import takes_turns
-from .policy import Action, PlannedSolve, Reuse, Run, Saddle, decide, plan, searched
-from .relaxation import ROUNDING, History, Relaxation, RelaxOptions, RelaxStatus, RelaxStep, check_tolerance
+from .policy import Action, PlannedSolve, Reuse, Run, Saddle, decide, decide_claim, plan, searched
+from .relaxation import Relaxation, RelaxOptions, RelaxStatus, RelaxStep, check_tolerance
 from .state import State
 from .work import Work
 
@@ -125,15 +125,13 @@ class Relaxer:
         work, planned = self.work, plan(run)
         if work is not None:
             work.evaluate()
-            begin(work, planned)
+            work.begin(planned)
         else:
             self.state.evaluate()
         if meanwhile is not None:
             meanwhile()
-        energy, inverted, _ = self.state.read()
-        watch_state = watch and partial(self.state.show, watch)
-        history = History(energy, inverted, ROUNDING[self.model.precision], start, watch=watch_state)
-        if not math.isfinite(energy.total):
+        history = History(self.state, start, watch)
+        if not math.isfinite(history.energy.total):
             return history.end(RelaxStatus.NOT_FINITE, math.inf)
         if work is None:
             return history.end(RelaxStatus.CONVERGED, 0.0)
@@ -150,7 +148,7 @@ class Relaxer:
             if action is Action.STALLED or history.stagnated(estimate.distance):
                 return history.end(RelaxStatus.STALLED, math.inf)
             # Line search: a length that lowers the energy and inverts nothing that must not be inverted.
-            trial, _ = search(
+            trial = search(
                 work.attempt,
                 1.0,
                 history.energy.total,
@@ -169,20 +167,14 @@ class Relaxer:
             if not leads_on:
                 return history.end(RelaxStatus.STALLED, math.inf)
             planned = plan(run)
-            begin(work, planned)
+            work.begin(planned)
         return history.end(RelaxStatus.STEP_LIMIT, math.inf)
-
-
-def begin(work: Work, planned: PlannedSolve) -> None:
-    """Assembles and launches a planned solve."""
-    work.assemble(true=planned.true, fresh=planned.fresh, grids=planned.grids)
-    work.launch(planned, ahead=True)
 
 
 def solve(work: Work, run: Run) -> tuple[Action, int]:
     """Plans, begins and reads a solve; see `find_direction`."""
     planned = plan(run)
-    begin(work, planned)
+    work.begin(planned)
     return find_direction(work, run, planned)
 
 
@@ -206,7 +198,7 @@ def find_direction(work: Work, run: Run, planned: PlannedSolve) -> tuple[Action,
     """
     spent, saddle = 0, run.saddle
     while True:
-        solution = work.read()
+        solution = work.solver.read()
         spent += solution.iterations
         if planned.true and saddle.down is not None:
             if work.curvature(saddle.down) < 0.0:
@@ -215,15 +207,15 @@ def find_direction(work: Work, run: Run, planned: PlannedSolve) -> tuple[Action,
                 saddle.down = None  # the state has left it
         action, claimed = decide(run, planned, solution), False
         if action is Action.TRY:
-            action = work.certificate.whole_step_holds()
+            action = decide_claim(work.products().slope, work.attempt(1.0).products.slope)
         if action is Action.CERTIFY:
             claimed = True
-            action, iterations = work.certificate.claim(run, solution)
+            action, iterations = work.certificate.claim(run, solution, work.measure())
             spent += iterations
         match action:
             case Action.SOLVE:
                 planned = plan(run)
-                begin(work, planned)
+                work.begin(planned)
             case Action.DESCEND:
                 saddle.down = work.negative_curvature() if saddle.down is None else saddle.down
                 work.descend(saddle.down, run.tolerance, on=not claimed)

@@ -49,7 +49,7 @@ class Policy:
     tissue is crushed: solves to a tenth took as many steps, and a third more iterations. Where volume is a
     thousand times as stiff as usual they took a fifth of the iterations."""
     true_accuracy: float = 0.03
-    """The same of the true one, whose steps leave less. With 0.1 the papers' method takes 7 to 9 % fewer
+    """The same part of the true one, whose steps leave less. With 0.1 the papers' method takes 7 to 9 % fewer
     iterations, with 0.3 12 to 14 %, and a claim on a column next to buckling is false with either."""
     first: float = 2.0 / 3.0
     """The part of the distance that the first step of a relaxation is assumed to leave: its Hessian, projected, is
@@ -59,9 +59,9 @@ class Policy:
     state, which costs as much as two such steps. Where a tetrahedron was crushed meanwhile, steps with the former
     were centimetres long."""
     slowest: float = 0.9
-    """Steps are assumed to shrink at least this fast from one to the next, also where none as long was seen."""
+    """The part of a step that the next is assumed to have at most, also where none as long was seen."""
     near: float = 0.3
-    """The true Hessian takes over within so many mm, or the tolerance: beyond, crushed tissue has negative
+    """The true Hessian takes over within this distance [mm], or the tolerance: beyond, crushed tissue has negative
     curvature."""
     nearer: float = 0.25
     """The part of the distance to which the projected Hessian leads before the true one, found indefinite, is
@@ -69,7 +69,7 @@ class Policy:
     least_noise: float = 1e-5
     """Standard deviation of the noise on a gradient of zero, in roundings."""
     chance: float = 1e-3
-    """Of a claim that is false because a saddle was missed. Ten times less takes 35 iterations more."""
+    """The chance that a claim is false because a saddle was missed. Ten times less takes 35 iterations more."""
     deviations: float = 3.0
     """Standard deviations of noise, and of rounding of forces, for which a distance allows."""
     rounding_of_forces: float = 1e-2
@@ -108,8 +108,6 @@ class PlannedSolve:
     """The same as a part of the longest."""
     least_iterations: int
     """Iterations before it may end."""
-    short: bool
-    """Whether few are expected, so that convergence is tested sooner."""
 
 
 @dataclass(frozen=True)
@@ -226,7 +224,6 @@ def plan(run: Run, policy: Policy = POLICY) -> PlannedSolve:
         absolute=policy.accuracy * run.tolerance,
         relative=policy.true_accuracy if true else policy.projected_accuracy,
         least_iterations=estimate.longest_solve if estimate.cut else 0,
-        short=run.reuse.hessian,
     )
 
 

@@ -3,25 +3,16 @@
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import Enum
 from numbers import Integral, Real
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from warp_trunk.errors import InputError, expect
 
 from .tissue import Limits
 
-if TYPE_CHECKING:
-    from .line_search import Trial
-
 Method = Literal["newton", "gradient"]
-ROUNDING = {"float32": 1e-7, "float64": 1e-14}
-"""Relative change of the energy that the precision does not resolve."""
-PATIENCE = 8
-"""Estimates in a row that are no smaller, once the energy no longer resolves a step, before the loop gives up."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,83 +115,3 @@ class Relaxation:
     """Tetrahedra without positive volume at the end."""
     history: tuple[RelaxStep, ...] = ()
     """Every accepted step in order."""
-
-
-@dataclass
-class History:
-    """The accepted steps of a relaxation that is not at its end."""
-
-    energy: Energy
-    """Energy now, by term."""
-    inverted_tets: int
-    """Tetrahedra without positive volume now."""
-    relative_rounding: float
-    """Relative change of the energy that the precision does not resolve."""
-    start: float
-    """When the relaxation began, by `time.perf_counter` [s]."""
-    linear_iterations: int = 0
-    """Iterations of the linear solver so far."""
-    evaluations: int = 1
-    """Evaluations of energy and gradient so far."""
-    watch: Callable[[RelaxStep], None] | None = None
-    """Called with every step, once its distance is known."""
-
-    def __post_init__(self) -> None:
-        self._history: list[RelaxStep] = []
-        self._last: RelaxStep | None = None
-        self._iterations = 0
-        self._energies = [self.energy.total]
-        self._least, self._waited = math.inf, 0
-
-    @property
-    def rounding(self) -> float:
-        """Change of the energy that the precision does not resolve.
-
-        It is relative to the largest energy so far: one near zero can be the sum of large parts, where tissue
-        turns."""
-        return self.relative_rounding * max(map(abs, self._energies))
-
-    def largest_energy(self, steps: int) -> float:
-        """The largest energy after the last steps."""
-        return max(self._energies[-steps:])
-
-    def add(self, trial: Trial) -> None:
-        """Adds an accepted step, whose distance is not known yet."""
-        self.energy, self.inverted_tets = trial.energy, trial.inverted
-        self._energies.append(trial.energy.total)
-        seconds = time.perf_counter() - self.start
-        self._last = RelaxStep(trial.energy, math.inf, trial.length, self._iterations, seconds)
-
-    def solved(self, estimated_error: float, iterations: int = 0) -> None:
-        """Adds the distance of the state [mm] and the linear iterations that were spent on it."""
-        self.linear_iterations += iterations
-        self._iterations = iterations
-        if self._last is not None:
-            step, self._last = replace(self._last, estimated_error=estimated_error), None
-            self._history.append(step)
-            if self.watch is not None:
-                self.watch(step)
-
-    def falls(self, steps: int) -> bool:
-        """Whether the energy has fallen by more than it rounds over the last steps."""
-        return min(self._energies[:-steps], default=math.inf) - min(self._energies[-steps:]) > self.rounding
-
-    def stagnated(self, estimated_error: float) -> bool:
-        """Adds an estimate; returns whether neither the estimates nor the energy fall any more."""
-        self._waited = 0 if estimated_error < 0.9 * self._least else self._waited + 1
-        self._least = min(self._least, estimated_error)
-        return self._waited >= PATIENCE and not self.falls(PATIENCE)
-
-    def end(self, status: RelaxStatus, estimated_error: float) -> Relaxation:
-        """How it ended."""
-        self.solved(estimated_error)
-        return Relaxation(
-            status=status,
-            energy=self.energy,
-            steps=len(self._history),
-            linear_iterations=self.linear_iterations,
-            evaluations=self.evaluations,
-            estimated_error=estimated_error,
-            inverted_tets=self.inverted_tets,
-            history=tuple(self._history),
-        )

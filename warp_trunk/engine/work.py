@@ -15,7 +15,6 @@ from .grids import Grids
 from .line_search import Trial
 from .linear import BlockMatrix, ConjugateGradient, zero_dots
 from .multigrid import Multigrid
-from .outcome import LinearSolution
 from .parallel import Readback
 from .policy import PlannedSolve
 from .state import MatrixState, ProductReader, Products, State, longest
@@ -49,7 +48,7 @@ class Work:
         self._assemble_true = graph(self.matrix.assemble_true)
         self.solver = ConjugateGradient(self.matrix, self.preconditioner, state.gradient)
         self.direction = self.solver.solution
-        self.certificate = Certificate(self)
+        self.certificate = Certificate(self.matrix, self.solver, self.preconditioner.groups.members)
         self._record_curvature()
         self._record_trial()
         self._record_evaluation()
@@ -63,19 +62,14 @@ class Work:
         self._clear_curvature = curvature.products.zero_
 
     def _record_trial(self) -> None:
-        """A point along the direction; on CUDA that at its end, which is tried while the host waits."""
+        """A point along the direction."""
         state, model = self.state, self.state.model
-        self._trial, self._length, self._ahead = State(model, start=state), model.zeros(wp.float64, 1), False
+        self._trial, self._length = State(model, start=state), model.zeros(wp.float64, 1)
         self._products = ProductReader(state, self.direction, state.gradient)
         self._trial_products = ProductReader(self._trial, self.direction, state.gradient)
-        kernel = vector_kernels(model.scalar).step
-        self._step, whole_step = (
-            model.over_free(kernel, [length, state.displacement, self.direction], [self._trial.displacement])
-            for length in (self._length, model.array(np.ones(1), wp.float64))
-        )
-        self._try_ahead = model.parallel.graph(
-            self._products.launch, whole_step, self._trial.evaluate, self._trial_products.launch
-        )
+        given = [self._length, state.displacement, self.direction]
+        step = model.over_free(vector_kernels(model.scalar).step, given, [self._trial.displacement])
+        self._try = model.parallel.graph(step, self._trial.evaluate, self._trial_products.launch)
         self._accept = model.parallel.graph(partial(state.copy_from, self._trial))
 
     def _record_evaluation(self) -> None:
@@ -96,7 +90,7 @@ class Work:
             self.preconditioner.reset_grids()
             self.matrix_state.grids_follow = False
         self._evaluate()
-        self._ahead, self.evaluations = False, 1
+        self.evaluations = 1
 
     def floor(self) -> float:
         """Rounding error of every distance [mm], by the largest displacement when that was last measured."""
@@ -121,19 +115,10 @@ class Work:
             self.matrix_state.grids_follow = True  # likewise
             self.preconditioner.update_grids()
 
-    def launch(self, planned: PlannedSolve, *, ahead: bool = False) -> None:
-        """Begins a planned solve; on CUDA with `ahead`, the trial at the end of it.
-
-        A device that waits for the host is idle; the trial is dropped where the direction becomes another one.
-        """
-        self.solver.launch(planned.absolute, planned.relative, planned.least_iterations, short=planned.short)
-        self._ahead = ahead and self.state.model.parallel.is_cuda
-        if self._ahead:
-            self._try_ahead()
-
-    def read(self) -> LinearSolution:
-        """How the solve that was launched ended."""
-        return self.solver.read()
+    def begin(self, planned: PlannedSolve) -> None:
+        """Assembles and launches a planned solve; `solver.read` waits for its end."""
+        self.assemble(true=planned.true, fresh=planned.fresh, grids=planned.grids)
+        self.solver.launch(planned.absolute, planned.relative, planned.least_iterations, short=not planned.true)
 
     def negative_curvature(self) -> np.ndarray:
         """The search direction at which the last solve ended, shape (free nodes, 3)."""
@@ -153,37 +138,23 @@ class Work:
         gradient = self.state.gradient.numpy()[: len(down)].astype(float)
         sign = -1.0 if np.vdot(gradient, down) > 0.0 else 1.0
         scale = sign * max(reach, longest(start)) / max(longest(down), 1e-300)
-        self.turn((start + scale * down).astype(down.dtype))
+        self.direction.assign((start + scale * down).astype(down.dtype))
 
     def turn_downhill(self) -> None:
         """Turns the direction round where the energy rises along it."""
         if self.products().slope > 0.0:
-            self.turn(-self.direction.numpy())
-
-    def turn(self, direction: np.ndarray) -> None:
-        """Sets the direction [mm], shape (free nodes, 3)."""
-        self.direction.assign(direction)
-        self.drop_trial()
-
-    def drop_trial(self) -> None:
-        """Drops a trial that was made ahead, where the direction becomes another one."""
-        self._ahead = False
+            self.direction.assign(-self.direction.numpy())
 
     def products(self) -> Products:
         """Products of the gradient at the state with the direction."""
-        if not self._ahead:
-            self._products.launch()
+        self._products.launch()
         return self._products.read()
 
     def attempt(self, length: float) -> Trial:
         """Evaluates the trial at a length along the direction, as a part of it."""
-        ahead, self._ahead = self._ahead and length == 1.0, False
         self.evaluations += 1
-        if not ahead:
-            self._length.fill_(length)
-            self._step()
-            self._trial.evaluate()
-            self._trial_products.launch()
+        self._length.fill_(length)
+        self._try()
         return Trial.read(length, self._trial, self._trial_products)
 
     def accept(self) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from warp_trunk.engine.certify import chance_of_saddle, response
-from warp_trunk.engine.line_search import Trial, search
+from warp_trunk.engine.line_search import MOST_TRIALS, Trial, search
 from warp_trunk.engine.outcome import LinearSolution, Outcome
 from warp_trunk.engine.policy import (
     Action,
@@ -76,14 +76,13 @@ def test_on_the_way_a_claim_needs_a_solve_that_ended() -> None:
 def test_a_hessian_of_before_is_used_as_long_as_its_steps_are_whole_and_shrink() -> None:
     run = Run(1.0, reuse=Reuse(hessian=True))
     for length in (5.0, 2.0, 0.9):
-        assert (plan(run).short, plan(run).fresh) == (True, False)
+        assert not plan(run).fresh
         assert decide(run, plan(run), solved(length)) is Action.SEARCH
         assert searched(run, 1.0)
     before = run.estimate.length, run.estimate.distance
     assert decide(run, plan(run), solved(0.5)) is Action.SOLVE  # a tetrahedron that was crushed, say
     assert (run.estimate.length, run.estimate.distance) == before
-    assert (plan(run).short, plan(run).fresh) == (False, True)
-    assert not plan(Run(1.0)).short
+    assert plan(run).fresh
 
 
 @pytest.mark.parametrize("outcome", [Outcome.EXHAUSTED, Outcome.NEGATIVE_CURVATURE, Outcome.UNSOUND])
@@ -228,7 +227,7 @@ def spectrum(lowest: float, decades: float) -> np.ndarray:
 @pytest.mark.parametrize("chance", [0.3, 0.1, 0.03])
 def test_saddles_are_missed_no_more_often_than_is_said(lowest: float, decades: float, chance: float) -> None:
     """Of many starts, those whose chance falls below a bound before negative curvature is met."""
-    matrix, generator, missed, draws = spectrum(lowest, decades), np.random.default_rng(4), 0, 1000
+    matrix, generator, missed, draws = spectrum(lowest, decades), np.random.default_rng(4), 0, 400
     for _ in range(draws):
         squares, curvatures = coefficients(matrix, generator.standard_normal(SIZE), 2 * SIZE)
         whole = int(np.argmax(curvatures <= 0.0)) if (curvatures <= 0.0).any() else len(curvatures)
@@ -293,7 +292,7 @@ def along(
 
 def test_takes_the_first_decrease() -> None:
     attempt, tried = along(lambda x: (x - 3.0) ** 2, lambda x: 2.0 * (x - 3.0))
-    step, _ = search(attempt, 1.0, 9.0, -6.0)
+    step = search(attempt, 1.0, 9.0, -6.0)
     assert step is not None
     assert step.length == 1.0
     assert tried == [1.0]
@@ -302,27 +301,27 @@ def test_takes_the_first_decrease() -> None:
 @pytest.mark.parametrize("first", [8.0, 1e6])
 def test_comes_back_from_beyond_the_valley(first: float) -> None:
     attempt, _ = along(lambda x: (x - 3.0) ** 2, lambda x: 2.0 * (x - 3.0))
-    step, _ = search(attempt, first, 9.0, -6.0)
+    step = search(attempt, first, 9.0, -6.0)
     assert step is not None
     assert 0.0 < step.length < 6.0
 
 
 def test_never_ends_where_a_tetrahedron_would_invert() -> None:
     attempt, _ = along(lambda x: (x - 3.0) ** 2, lambda x: 2.0 * (x - 3.0), inverted_beyond=0.7)
-    step, _ = search(attempt, 5.0, 9.0, -6.0)
+    step = search(attempt, 5.0, 9.0, -6.0)
     assert step is not None
     assert 0.0 < step.length <= 0.7
 
 
 def test_comes_back_from_numbers_that_are_not_finite() -> None:
     attempt, _ = along(lambda x: (x - 3.0) ** 2 if x < 4.0 else math.nan, lambda x: 2.0 * (x - 3.0))
-    step, _ = search(attempt, 64.0, 9.0, -6.0)
+    step = search(attempt, 64.0, 9.0, -6.0)
     assert step is not None
     assert step.energy.total < 9.0
 
 
 def test_gives_up_where_nothing_falls() -> None:
     attempt, tried = along(lambda x: 9.0 + x, lambda x: 1.0)
-    step, attempts = search(attempt, 1.0, 9.0, -6.0)
+    step = search(attempt, 1.0, 9.0, -6.0)
     assert step is None
-    assert attempts == len(tried) < 100
+    assert len(tried) == MOST_TRIALS

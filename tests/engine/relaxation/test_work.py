@@ -52,7 +52,7 @@ def test_an_accepted_step_calls_for_another_hessian() -> None:
     work = work_at(25.0)
     work.assemble(true=False)
     version = work.matrix_state.version
-    work.turn(0.01 * np.ones((work.state.model.free_nodes, 3)))
+    work.direction.assign(0.01 * np.ones((work.state.model.free_nodes, 3)))
     work.attempt(1.0)
     work.accept()
     work.assemble(true=False)
