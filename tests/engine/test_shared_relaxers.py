@@ -96,12 +96,13 @@ def interrupt_often(count: int) -> None:
 
 
 @needs_posix
-def test_an_interrupted_relaxer_is_as_usable_as_new() -> None:
+@pytest.mark.parametrize("count", [16, pytest.param(200, marks=pytest.mark.slow)])
+def test_an_interrupted_relaxer_is_as_usable_as_new(count: int) -> None:
     """Its threads hung or failed in 22 of 24 cases."""
     this_file = Path(__file__)
     code = f"import sys; sys.path[:0] = [{str(this_file.parent)!r}, {str(this_file.parents[1])!r}]\n"
-    code += f"import {this_file.stem}; {this_file.stem}.interrupt_often(60)"
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=300)
+    code += f"import {this_file.stem}; {this_file.stem}.interrupt_often({count})"
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=900)
 
 
 def test_refuses_a_relaxer_that_another_simulation_has_taken_over() -> None:
@@ -224,7 +225,7 @@ def follow_beside_relaxations(threads: int) -> None:
     thread = threading.Thread(target=relax)
     thread.start()
     try:
-        for _ in range(40):
+        for _ in range(12):
             assert (linear.follow(bones) == wanted).all()
     finally:
         done.set()

@@ -193,8 +193,7 @@ TRUNK = block_with_bone((5, 3, 3), holes=((1, 1, 1), (3, 1, 1)))
 MOVED = np.where((TRUNK.bone == 1)[:, None], [2.0, -2.0, 1.0], 0.0)
 
 
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-@pytest.mark.parametrize("gravity", [0.0, 9.81])
+@pytest.mark.parametrize(("precision", "gravity"), [("float32", 0.0), ("float32", 9.81), ("float64", 9.81)])
 def test_ends_stopped_with_an_honest_distance_and_bones_in_place(precision: str, gravity: float) -> None:
     model = model_of(TRUNK, precision=precision, gravity=gravity)
     first, two = (increments(model, MOVED, 2, method="gradient", max_steps=5000) for _ in range(2))
@@ -382,7 +381,7 @@ def test_a_hessian_that_is_not_projected_is_not_used_as_one() -> None:
 
 
 def test_a_relaxation_near_the_last_takes_the_hessian_that_was_prepared_there() -> None:
-    trunk = block((4, 4, 6))
+    trunk = block((3, 3, 5))
     reference, relaxer = Reference(trunk), Relaxer(model_of(trunk), RelaxOptions(tolerance=0.1))
     relaxer.state.set_displacement(held_turned(trunk, 10.0))
     relaxer.relax()
