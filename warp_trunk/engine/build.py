@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
-from .checks import check_arguments, check_mesh, check_tissues
+from .checks import check_arguments, check_held, check_tissues
 from .energies.by_name import ENERGIES, EnergyName, WeightsName
 from .energies.itmsm import with_alpha
 from .model import Model
@@ -18,7 +18,7 @@ from .rest_mesh import PRECISIONS, RestMesh
 from .skin import make_skin
 from .tissue import EARTH_GRAVITY, ENERGY, SKIN_RIGIDITY, Tissue
 from .topology import Edges
-from .trunk_mesh import TrunkMesh
+from .trunk_mesh import TrunkMesh, check_trunk
 
 
 @takes_turns
@@ -58,7 +58,8 @@ def build_model(
     tissues = (tissue or Tissue(),) if isinstance(tissue, Tissue | None) else tuple(tissue)
     check_arguments(energy, weights, precision, skin_rigidity, gravity, alpha)
     parallel = device if isinstance(device, Parallel) else Parallel(device, threads)
-    check_mesh(trunk)
+    check_trunk(trunk, "trunk")
+    check_held(trunk)
     check_tissues(trunk, tissues)
     order = order_nodes(trunk)
     corners = places(order)[trunk.tets]

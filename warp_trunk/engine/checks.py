@@ -13,7 +13,7 @@ from .energies.by_name import EnergyName, WeightsName
 from .rest_mesh import PRECISIONS
 from .tissue import Tissue
 from .topology import find_pieces
-from .trunk_mesh import TrunkMesh, check_trunk
+from .trunk_mesh import TrunkMesh
 
 
 def check_arguments(
@@ -66,12 +66,6 @@ def check_tissues(trunk: TrunkMesh, tissues: tuple[Tissue, ...]) -> None:
             f"tissue: the mesh has labels from {trunk.tissue.min()} to {most} but {len(tissues)} tissues are "
             "given; give one tissue for each label from 0"
         )
-
-
-def check_mesh(trunk: TrunkMesh) -> None:
-    """InputError where the trunk cannot be a rest state."""
-    check_trunk(trunk, "trunk")
-    check_held(trunk)
 
 
 def check_held(trunk: TrunkMesh) -> None:

@@ -88,14 +88,11 @@ class Multigrid:
         self.reset_grids: Launch = partial(wp.copy, self._grids, wp.clone(self._grids))
         """Sets these blocks to those of the trunk at rest."""
         if model.parallel.is_cuda:
-            self._levels = CudaLevels(matrix, to_nodes, self._grids, inverse, self.groups)
+            levels = CudaLevels(matrix, to_nodes, self._grids, inverse, self.groups)
         else:
             between = [_Interpolation(model, g.interpolate(finer.positions)) for finer, g in pairwise(laid)]
-            self._levels = CpuLevels(matrix, [onto_nodes[0], *between], diagonals, inverse, self.groups)
-
-    def step_and_apply(self, at: Iterates) -> Launch:
-        """See `Preconditioner`."""
-        return self._levels.step_and_apply(at)
+            levels = CpuLevels(matrix, [onto_nodes[0], *between], diagonals, inverse, self.groups)
+        self.step_and_apply = levels.step_and_apply
 
 
 class _Interpolation:

@@ -23,7 +23,7 @@ from .multigrid import Multigrid
 from .outcome import Outcome
 from .ownership import Ownership
 from .parallel import takes_turns
-from .policy import Action, PlannedSolve, Reuse, Run, Saddle, decide, decide_claim, plan, searched
+from .policy import Action, Reuse, Run, Saddle, decide, decide_claim, plan, searched
 from .relaxation import Relaxation, RelaxOptions, RelaxStatus, RelaxStep, check_tolerance
 from .state import State
 from .work import Work
@@ -122,14 +122,8 @@ class Relaxer:
     ) -> Relaxation:
         """See `relax`."""
         start = time.perf_counter()
-        work, planned = self.work, plan(run)
-        if work is not None:
-            work.evaluate()
-            work.begin(planned)
-        else:
-            self.state.evaluate()
-        if meanwhile is not None:
-            meanwhile()
+        work = self.work
+        (self.state if work is None else work).evaluate()
         history = History(self.state, start, watch)
         if not math.isfinite(history.energy.total):
             return history.end(RelaxStatus.NOT_FINITE, math.inf)
@@ -140,7 +134,8 @@ class Relaxer:
         run.confirm = confirm and (confirm_inverted or not history.inverted_tets)
         for _step in range(self.options.max_steps):
             # Solve: the direction to the equilibrium, and how far that is.
-            action, iterations = find_direction(work, run, planned)
+            action, iterations = find_direction(work, run, meanwhile)
+            meanwhile = None
             history.solved(estimate.distance, iterations)
             history.evaluations = work.evaluations
             if action is Action.CONVERGED:
@@ -166,16 +161,7 @@ class Relaxer:
                 return history.end(RelaxStatus.NEAR, estimate.distance)
             if not leads_on:
                 return history.end(RelaxStatus.STALLED, math.inf)
-            planned = plan(run)
-            work.begin(planned)
         return history.end(RelaxStatus.STEP_LIMIT, math.inf)
-
-
-def solve(work: Work, run: Run) -> tuple[Action, int]:
-    """Plans, begins and reads a solve; see `find_direction`."""
-    planned = plan(run)
-    work.begin(planned)
-    return find_direction(work, run, planned)
 
 
 def estimate_distance(work: Work) -> tuple[float, int]:
@@ -186,18 +172,28 @@ def estimate_distance(work: Work) -> tuple[float, int]:
     """
     run = Run(0.0)
     work.evaluate()
-    _, iterations = solve(work, run)
+    _, iterations = find_direction(work, run)
     return run.estimate.distance, iterations
 
 
-def find_direction(work: Work, run: Run, planned: PlannedSolve) -> tuple[Action, int]:
-    """Reads a solve that was begun, and solves again or continues it until a direction or the end is found.
+def find_direction(work: Work, run: Run, meanwhile: Callable[[], None] | None = None) -> tuple[Action, int]:
+    """Solves, and solves again or continues the solve, until a direction or the end is found.
+
+    Args:
+        work: the state.
+        run: the relaxation.
+        meanwhile: called while a device is at work with the first solve.
 
     Returns:
         SEARCH along the direction, CONVERGED or STALLED; and the linear iterations.
     """
     spent, saddle = 0, run.saddle
     while True:
+        planned = plan(run)
+        work.begin(planned)
+        if meanwhile is not None:
+            meanwhile()
+            meanwhile = None
         solution = work.solver.read()
         spent += solution.iterations
         if planned.true and saddle.down is not None:
@@ -210,12 +206,11 @@ def find_direction(work: Work, run: Run, planned: PlannedSolve) -> tuple[Action,
             action = decide_claim(work.products().slope, work.attempt(1.0).products.slope)
         if action is Action.CERTIFY:
             claimed = True
-            action, iterations = work.certificate.claim(run, solution, work.measure())
+            action, iterations = work.certificate.claim(run, solution, work.floor())
             spent += iterations
         match action:
             case Action.SOLVE:
-                planned = plan(run)
-                work.begin(planned)
+                continue
             case Action.DESCEND:
                 saddle.down = work.negative_curvature() if saddle.down is None else saddle.down
                 work.descend(saddle.down, run.tolerance, on=not claimed)

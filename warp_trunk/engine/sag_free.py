@@ -18,7 +18,7 @@ import numpy as np
 from warp_trunk.errors import InputError
 
 from .model import Model
-from .newton import Relaxer, solve
+from .newton import Relaxer, find_direction
 from .parallel import takes_turns
 from .policy import Action, Run, Saddle, searched
 from .relaxation import check_tolerance
@@ -76,7 +76,7 @@ def _find_rest_state(model: Model, relaxer: Relaxer, tolerance: float) -> RestSt
     solver.evaluate()
     spent = 0
     for rounds in range(1, MOST_ROUNDS + 1):
-        spent += solve(solver, run)[1]
+        spent += find_direction(solver, run)[1]
         rest[model.free] -= solver.direction.numpy()
         searched(run, 1.0)
         mesh = mesh_at(model, rest)
@@ -90,7 +90,7 @@ def _find_rest_state(model: Model, relaxer: Relaxer, tolerance: float) -> RestSt
         if not (run.estimate.solved and run.estimate.distance <= tolerance):
             continue
         confirmed = Run(tolerance, confirm=True, saddle=Saddle(try_true=True, is_near=True))
-        action, more = solve(solver, confirmed)
+        action, more = find_direction(solver, confirmed)
         spent += more
         sag = float(np.linalg.norm(scan - rest, axis=1).max())
         if action is Action.CONVERGED:

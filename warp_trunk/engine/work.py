@@ -70,10 +70,9 @@ class Work:
         given = [self._length, state.displacement, self.direction]
         step = model.over_free(vector_kernels(model.scalar).step, given, [self._trial.displacement])
         self._try = model.parallel.graph(step, self._trial.evaluate, self._trial_products.launch)
-        self._accept = model.parallel.graph(partial(state.copy_from, self._trial))
 
     def _record_evaluation(self) -> None:
-        """Energy and gradient of the state, with its largest displacement."""
+        """Energy and gradient of the state, with its largest displacement; or those of the trial."""
         state, model = self.state, self.state.model
         largest = model.zeros(wp.float64, model.parallel.ranges, COLUMNS)
         self._largest = Readback(model.parallel, largest)
@@ -81,7 +80,7 @@ class Work:
         find_largest = model.parallel.record(kernel, model.nodes, [state.displacement], [largest])
         copy_prescribed = partial(wp.copy, self._trial.displacement, state.displacement)  # no step moves them
         measure = (largest.zero_, find_largest, self._largest.send)
-        self._measure = model.parallel.graph(*measure)
+        self._accept = model.parallel.graph(partial(state.copy_from, self._trial), *measure)
         self._evaluate = model.parallel.graph(state.evaluate, *measure, copy_prescribed)
 
     def evaluate(self) -> None:
@@ -93,14 +92,9 @@ class Work:
         self.evaluations = 1
 
     def floor(self) -> float:
-        """Rounding error of every distance [mm], by the largest displacement when that was last measured."""
+        """Rounding error of every distance [mm], by the largest displacement of the state."""
         largest = float(self._largest.read().max()) ** 0.5
         return ROUNDING_STEPS * float(np.finfo(self.state.model.precision).eps) * largest
-
-    def measure(self) -> float:
-        """The rounding error of distances at the state as it is now [mm]."""
-        self._measure()
-        return self.floor()
 
     def assemble(self, *, true: bool, fresh: bool = True, grids: bool = False) -> None:
         """Sets the matrix to the Hessian of the state; if not `fresh`, where it is not the last of its kind.
