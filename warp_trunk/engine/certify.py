@@ -57,8 +57,8 @@ class Certificate:
         white = np.random.default_rng(0).standard_normal((model.free_nodes, 3))
         for group in groups:
             white[group] *= len(group) ** 0.5
-        given = [matrix.inverse_diagonal, model.array(white, model.vec3)]
-        self._color = model.over_free(kernels.color, given, [solver.noise])
+        factors = [matrix.inverse_diagonal, model.array(white, model.vec3)]
+        self._color = model.over_free(kernels.color, factors, [solver.noise])
         blocks = matrix.inverse_diagonal.numpy().astype(float)
         self._stiffness = float((3.0 / np.trace(blocks, axis1=1, axis2=2)).mean())
         """Mean stiffness of a node [energy's unit / mm^2]."""

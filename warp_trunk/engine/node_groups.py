@@ -105,6 +105,7 @@ def tie(rows: np.ndarray, columns: np.ndarray, blocks: np.ndarray, size: int) ->
     among = tied[rows] & tied[columns]
     for a, b, block in zip(rows[among].tolist(), columns[among].tolist(), blocks[among], strict=True):
         near[a][b], near[b][a] = block, block.T
+    none = np.zeros((3, 3))
     into: dict[int, int] = {}  # what nodes and groups have become part of
     while links:
         _, a, b = heapq.heappop(links)
@@ -117,14 +118,14 @@ def tie(rows: np.ndarray, columns: np.ndarray, blocks: np.ndarray, size: int) ->
         into[a] = into[b] = both = size
         size += 1
         groups[both], own = groups.pop(a) + groups.pop(b), near[a][a] + near[b][b]
-        own += near[a].get(b, 0.0) + near[b].get(a, 0.0)
+        own = own + near[a].get(b, none) + near[b].get(a, none)
         near[both], held[both] = {both: own}, float(np.linalg.norm(own))
-        others = list((near[a].keys() | near[b].keys()) - {a, b})
-        for other in others:
-            block = near[other].pop(a, 0.0) + near[other].pop(b, 0.0)
+        neighbours = list((near[a].keys() | near[b].keys()) - {a, b})
+        for other in neighbours:
+            block = near[other].pop(a, none) + near[other].pop(b, none)
             near[other][both], near[both][other] = block, block.T
-        blocks = np.array([near[both][other] for other in others]).reshape(-1, 3, 3)
-        for other, stiffness in zip(others, norms(blocks).tolist(), strict=True):
+        blocks = np.array([near[both][other] for other in neighbours]).reshape(-1, 3, 3)
+        for other, stiffness in zip(neighbours, norms(blocks).tolist(), strict=True):
             if stiffness > STIFF * (own_norm := max(held[both] * held[other], 1e-300) ** 0.5):
                 heapq.heappush(links, (-stiffness / own_norm, both, other))
     return sorted(sorted(group) for group in groups.values() if len(group) > 1)

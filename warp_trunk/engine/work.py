@@ -67,8 +67,8 @@ class Work:
         self._trial, self._length = State(model, start=state), model.zeros(wp.float64, 1)
         self._products = ProductReader(state, self.direction, state.gradient)
         self._trial_products = ProductReader(self._trial, self.direction, state.gradient)
-        given = [self._length, state.displacement, self.direction]
-        step = model.over_free(vector_kernels(model.scalar).step, given, [self._trial.displacement])
+        point = [self._length, state.displacement, self.direction]
+        step = model.over_free(vector_kernels(model.scalar).step, point, [self._trial.displacement])
         self._try = model.parallel.graph(step, self._trial.evaluate, self._trial_products.launch)
 
     def _record_evaluation(self) -> None:
