@@ -51,6 +51,7 @@ def skin_moved(by: tuple[float, float, float]) -> Case:
         (lambda: moved("T8", (0, 0, 10), "superior_endplate"), "'T8_superior_endplate' lies 12 mm"),
         (lambda: exchanged("rib_left_06", "rib_left_07"), "rib_left_07 begins 20 mm above rib_left_06"),
         (lambda: skin_moved((0, -25, 0)), "reach out of the skin"),
+        (lambda: skin_moved((-4, 0, 0)), "the skin covers hip_left by 6 mm and hip_right by 17 mm"),
     ],
 )  # fmt: skip
 def test_each_fault_of_the_anatomy_is_named_with_its_number(make: Callable[[], Case], said: str) -> None:

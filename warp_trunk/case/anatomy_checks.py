@@ -9,7 +9,7 @@ import numpy as np
 
 from warp_trunk.geometry.distance_field import SurfaceDistance
 
-from .anatomy import PELVIC_RING, SIDES, THORACIC
+from .anatomy import HIPS, PELVIC_RING, SIDES, THORACIC
 from .landmarks import ASIS, VERTEBRA_POINTS
 
 if TYPE_CHECKING:
@@ -26,6 +26,10 @@ _FEWEST_VERTEBRAE = 4
 """Vertebrae with landmarks and bones that are needed to compare each with its neighbours."""
 _OUT = 1.0
 """A bone reaches out of the skin by less [mm]."""
+_UNLIKE = 6.0
+"""The skin covers the crests of both hip bones by as much, within this [mm]: 5 at most in eleven trunks."""
+_CREST = 10.0
+"""Vertices of a hip bone that are nearer than this to its outermost one, to its side, are its crest [mm]."""
 _HEADS = 30
 """Vertices of a rib that are nearest to the spine: its head."""
 _ROUGH = 3.0
@@ -40,7 +44,14 @@ def anatomy_doubts(case: Case) -> list[str]:
     """
     if not case.has_spine or sum(name in case.bones for name in THORACIC) < _FEWEST_VERTEBRAE:
         return []
-    doubts = [*_missing(case), *_rib_order(case), *_iliac_spines(case), *_off_features(case), *_outside(case)]
+    doubts = [
+        *_missing(case),
+        *_rib_order(case),
+        *_iliac_spines(case),
+        *_off_features(case),
+        *_outside(case),
+        *_aside(case),
+    ]
     return [f"Anatomy: {doubt}." for doubt in doubts]
 
 
@@ -131,6 +142,21 @@ def _off_features(case: Case) -> list[str]:
             place = "from the place on the bone where those of the neighbours lie"
             doubts.append(f"{what} {place}, and {most:.0f} mm is the most; mark them again")
     return doubts
+
+
+def _aside(case: Case) -> list[str]:
+    """A skin that lies further over one hip bone than over the other."""
+    if not all(name in case.bones for name in HIPS):
+        return []
+    left, right = (case.bones[name].vertices for name in HIPS)
+    crests = [left[left[:, 0] > left[:, 0].max() - _CREST], right[right[:, 0] < right[:, 0].min() + _CREST]]
+    left, right = (-float(far) for _, far in SurfaceDistance(case.skin).outermost(crests))
+    if min(left, right) < 0.0 or abs(left - right) < _UNLIKE:
+        return []
+    return [
+        f"the skin covers hip_left by {left:.0f} mm and hip_right by {right:.0f} mm, and {_UNLIKE:g} mm is "
+        "the most between both sides; bring skin and bones into one frame"
+    ]
 
 
 def _outside(case: Case) -> list[str]:
