@@ -14,7 +14,7 @@
       if (!row || !words) continue;
       const above = heading(label), full = above ? above + ': ' + words : words;
       for (const control of row.querySelectorAll('[role=slider]')) name(control, full);
-      for (const control of row.querySelectorAll('input[type=text]:not([role=combobox])'))
+      for (const control of row.querySelectorAll('input:not([type=hidden]):not([type=checkbox]):not([role=combobox])'))
         name(control, row.querySelector('[role=slider]') ? full + ', as a number' : full);
     }
     for (const button of document.querySelectorAll('button')) {  // an icon alone

@@ -114,7 +114,7 @@ class Page:
                 looks.append(("Own colours", self.scene.show_own, False))
             for label, shows, first in looks:
                 gui.add_checkbox(label, first).on_update(partial(draw, shows=shows))
-        end = gui.add_button("End", color="gray", hint="Ends the page for everyone; what was kept stays")
+        end = gui.add_button("End", color="dark", hint="Ends the page for everyone; what was kept stays")
         end.on_click(self._ask_to_end)
 
     def _ask_to_end(self, event: viser.GuiEvent) -> None:
