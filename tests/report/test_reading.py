@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("playwright", reason="playwright is not installed (uv sync installs it)")
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from support.chromium import CHROMIUM, WEBGL, needs_chromium
 from support.report_results import small_bands, write_small_result
@@ -89,8 +89,7 @@ def test_a_legend_says_what_the_shirt_hides(browser: Browser, pages: dict[str, P
     assert "by more than 40 mm" in key.inner_text()
     assert hides.inner_text() == ""
     tab.get_by_label("In a close shirt").check()
-    tab.wait_for_function("document.querySelector('[data-part=hides]').textContent")
-    assert hides.inner_text() == "The close shirt hides these colours."
+    expect(hides).to_have_text("The close shirt hides these colours.")
 
 
 def test_what_is_compared_is_the_same_place(browser: Browser, pages: dict[str, Path]) -> None:
