@@ -3,8 +3,6 @@
 import difflib
 import re
 from collections.abc import Iterable
-from pathlib import Path
-from types import UnionType
 
 _UNSEEN = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
 
@@ -30,20 +28,6 @@ class WrongTypeError(InputError, TypeError):
 
 class MissingFileError(InputError, FileNotFoundError):
     """A file or a folder that does not exist."""
-
-
-def expect(value: object, kind: type | UnionType, name: str, cure: str) -> None:
-    """Raise WrongTypeError, which begins with `name`, for a value of another type, and name the `cure`."""
-    if not isinstance(value, kind):
-        wanted = getattr(kind, "__name__", kind)
-        raise WrongTypeError(f"{name} must be of type {wanted}, not {type(value).__name__}; {cure}")
-
-
-def as_path(value: object, name: str) -> Path:
-    """A path that was given as text or pathlib.Path; WrongTypeError for anything else."""
-    if isinstance(value, str | Path):
-        return Path(value)
-    raise WrongTypeError(f"{name} must be a path, as text or pathlib.Path, not {type(value).__name__}; give one")
 
 
 def within(value: float, bound: float) -> str:

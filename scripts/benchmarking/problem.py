@@ -101,7 +101,7 @@ def solve_truth(problem: Problem) -> np.ndarray:
     relax = RelaxOptions(method="newton", tolerance=TRUTH_TOLERANCE)
     *_, last = simulate(model, problem.bone_path(), SimulationOptions(relax=relax))
     if last.relaxation.status is not RelaxStatus.CONVERGED:
-        raise InputError(f"{problem.name}: no truth to measure against, {last.relaxation.status.value}")
+        raise InputError(f"{problem.name}: no truth to measure against, {last.relaxation.status.sentence}")
     return last.displacement
 
 

@@ -130,12 +130,12 @@ def test_a_disk_that_fills_up_ends_in_one_line_and_leaves_no_half(case, tmp_path
 METRES = "landmarks in metres"
 PATIENT = ["--patient", "case/landmarks_after.csv"]
 REFUSED_OPTIONS = [
-    ("simulate", "no increment", ["case", "--increments", "0"], "increments: must be from 1 to 10000"),
+    ("simulate", "no increment", ["case", "--increments", "0"], "must be a number from 1 to 10000, not 0"),
     ("simulate", "too many tetrahedra", ["case", "--tets", "100000000000"], "a number from 4 to 5e+07"),
     ("simulate", "too few for the skin", ["case", "--tets", "100", "--no-cache"], "were asked for", "; ask for"),
-    ("simulate", "tolerance NaN", ["case", "--tolerance", "nan"], "must be a positive number of mm, not nan"),
+    ("simulate", "tolerance NaN", ["case", "--tolerance", "nan"], "must be a finite number of at least 0 mm"),
     ("simulate", "gravity upwards", ["case", "--gravity", "-9.81"], "must be a number from 0 to 1000"),
-    ("simulate", "negative threads", ["case", "--threads", "-1", "--no-cache"], "must be 0 (all cores) to 1024"),
+    ("simulate", "negative threads", ["case", "--threads", "-1", "--no-cache"], "must be a number from 0 to 1024"),
     ("simulate", "no such mesh", ["case", "--from-mesh", "nowhere.vtu"], "there is no such file"),
     ("simulate", "a mesh of another format", ["case", "--from-mesh", __file__], "'.py' is not read as a mesh"),
     ("simulate", "layers without labels", ["case", "--layers", "mesh"], "mesh"),

@@ -62,7 +62,7 @@ def test_every_table_comes_back(tmp_path: Path, name: str, study: Study) -> None
         ("[layers]\nfat_thicknes = 1", "'layers.fat_thicknes' (did you mean 'layers.fat_thickness'?"),
         ("[layers]\nfat_thickness = true", "'layers.fat_thickness' must be a number or a text, not True"),
         ("[layers.fat]\nthets = 1", "unknown key 'layers.fat.thets' (did you mean 'layers.fat.theta'?)"),
-        ("[layers.fat]\nyoungs_modulus = -3", "must be a finite number of at least 1e-09, not -3.0"),
+        ("[layers.fat]\nyoungs_modulus = -3", "must be a finite number of at least 1e-09 kPa, not -3.0"),
     ],
 )
 def test_bad_files_are_refused(tmp_path: Path, text: str, rule: str) -> None:

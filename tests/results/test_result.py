@@ -13,6 +13,7 @@ import pytest
 
 from support.known_patient import AFTER, BEFORE, known_case, known_increments
 from support.small_trunk import made_up_increments, small_case
+from warp_trunk.bone_motion.plan import Plan
 from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks
 from warp_trunk.case.points import Points
 from warp_trunk.case.uncertainty import Invented
@@ -88,8 +89,9 @@ def test_only_whole_files_are_left_and_an_old_recording_is_not(simulated, tmp_pa
     (tmp_path / "recording.rrd").write_bytes(b"of another simulation")
     (tmp_path / "actual_skin.ply").write_bytes(b"of another patient")
     case, *parts = simulated
-    result_of(replace(case, plan='uiv = "T4"\n'), *parts).save(tmp_path)
-    assert read_result(tmp_path).plan == 'uiv = "T4"\n'
+    text = 'uiv = "T4"\nliv = "L1"  # as a surgeon wrote it\n'
+    result_of(replace(case, plan_text=text), *parts).save(tmp_path)
+    assert (read_result(tmp_path).plan_text, read_result(tmp_path).plan) == (text, Plan(uiv="T4", liv="L1"))
     result_of(*simulated).save(tmp_path)
     assert read_result(tmp_path).plan is None
     assert {path.name for path in tmp_path.iterdir()} == WHOLE

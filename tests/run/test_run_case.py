@@ -163,10 +163,10 @@ def test_every_state_is_measured_once(
     """Before surgery, after each of three increments, each draw of errors; what is likely, at one level."""
     searches = counted(monkeypatch)
     result = simulated(case, tmp_path, mesh, bands=True)
-    assert result.bands is not None
+    assert result.summary.bands is not None
     every = len(result.measures.tangents)
     assert every > 1
-    assert searches.count(every) == 1 + 3 + result.bands.draws
+    assert searches.count(every) == 1 + 3 + result.summary.bands.draws
     assert set(searches) == {1, every}
     predicted = {level: tangent and tangent.angle for level, tangent in result.measures.tangents.items()}
     assert result.table.values("predicted", "bsr_deg") == predicted  # to the last bit, with bands

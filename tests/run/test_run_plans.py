@@ -128,7 +128,7 @@ def test_several_plans_use_the_patient_and_the_warnings_that_are_given(monkeypat
     np.testing.assert_array_equal(result.skin.vertices, results["a"].skin.vertices)
     assert {"A finger is on the scan.", "The skin was repaired."} <= set(results["a"].summary.warnings)
     assert "The skin was repaired." in result.summary.warnings
-    assert str(result.summary.ending) == "CONVERGED"
+    assert result.summary.status == "CONVERGED"
     with pytest.raises(InputError, match="other options"):
         simulate(case, {"a": plan}, RunOptions(), patient=patient)
 

@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
+from warp_trunk.checking import check_fields, checked
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 
 from .anatomy import HIPS, VERTEBRAE, rib_of
 
-MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
+Unit = Literal["mm", "cm", "m", "in"]
+MILLIMETRES: dict[str, float] = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 """The length of each unit a file may be in [mm]."""
 
 _DIRECTIONS = {"L": (0, 1), "R": (0, -1), "P": (1, 1), "A": (1, -1), "S": (2, 1), "I": (2, -1)}
@@ -35,6 +38,7 @@ class Axes:
 
     def __post_init__(self) -> None:
         """Raises InputError for a code that is not three such letters."""
+        check_fields(self, "axes")
         if len(self.code) != 3 or {_DIRECTIONS.get(c, (None,))[0] for c in self.code} != {0, 1, 2}:
             rule = "a code has one letter of L R, one of P A and one of S I"
             raise InputError(f"axes: {rule}, not '{self.code}'; write LPS or RAS")
@@ -53,13 +57,14 @@ class Axes:
         """True where x, y, z of the file are left-handed, so that its triangles wind the other way."""
         return bool(np.linalg.det(self.matrix) < 0.0)
 
-    def points_to_lps(self, points: np.ndarray, units: str = "mm") -> np.ndarray:
+    @checked
+    def points_to_lps(self, points: np.ndarray, units: Unit = "mm") -> np.ndarray:
         """Points of a file as LPS [mm], shape (n, 3) -> (n, 3); LPS in mm comes back to the last bit."""
         order = [next(c for c, letter in enumerate(self.code) if _DIRECTIONS[letter][0] == r) for r in range(3)]
         signs = np.array([_DIRECTIONS[self.code[c]][1] for c in order], dtype=np.float64)
         return points[:, order] * (signs * MILLIMETRES[units])
 
-    def surface_to_lps(self, surface: Surface, units: str = "mm") -> Surface:
+    def surface_to_lps(self, surface: Surface, units: Unit = "mm") -> Surface:
         """A surface of a file in LPS and mm; winding is turned where the file's axes are left-handed.
 
         Files wind their triangles counterclockwise seen from outside when drawn in a right-handed frame.

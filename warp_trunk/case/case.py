@@ -10,11 +10,11 @@ from typing import Annotated, Literal
 import numpy as np
 from msgspec import Meta
 
+from warp_trunk.checking import check_fields
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import RigidMotion, fit_rigid
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.io.records import check_fields
 
 from .landmarks import Landmarks, bone_of
 from .layers import Layers
@@ -51,7 +51,7 @@ class Study:
         check_fields(self, "study")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Case:
     """A patient, and the planned surgery if there is one, in LPS axes and mm.
 
@@ -70,8 +70,8 @@ class Case:
     """Points on the bones before surgery; `NO_LANDMARKS` for a case without a spine."""
     landmarks_after: Landmarks | None = None
     """The same points after surgery, same names in the same order; None if nothing is planned yet."""
-    plan: str | None = None
-    """The text of the plan.toml that made the landmarks after surgery; None where none did."""
+    plan_text: str | None = None
+    """The plan.toml that made the landmarks after surgery; None where none did."""
     actual_skin: Surface | None = None
     """The skin after surgery if known; its triangles may differ from those of `skin`."""
     tissue: Tissue = dataclasses.field(default_factory=Tissue)
@@ -102,6 +102,16 @@ class Case:
     """Points on skin and bones that are followed."""
     notes: tuple[str, ...] = ()
     """Doubts of the image that the case was made from, a sentence each; every command warns of them."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for a field of another type, or a posture that is none."""
+        check_fields(self, "case")
+
+    def __repr__(self) -> str:
+        moves = self.landmarks_after is not None or self.motions or self.bones_after
+        parts = (f"skin of {len(self.skin.vertices)} vertices", f"{len(self.bones)} bones")
+        parts += (f"{len(self.landmarks_before.names)} landmarks", "planned" if moves else "not planned")
+        return f"Case({self.name!r}: {', '.join(parts)})"
 
     @property
     def has_spine(self) -> bool:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from warp_trunk.errors import InputError, MissingFileError, as_path, closest_name
+from warp_trunk.checking import checked
+from warp_trunk.errors import InputError, MissingFileError, closest_name
 from warp_trunk.geometry.coarsening import without_slivers
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import LEAST_ANGLE, place_of, slivers
@@ -31,6 +32,7 @@ from .points import Points, read_points
 from .uncertainty import read_invented_skin
 
 
+@checked
 def read_case(folder: str | Path, motions: str | Path | None = None) -> Case:
     """Read and check a case folder; `read_checked_case` also returns warnings.
 
@@ -66,9 +68,9 @@ def read_checked_case(
         InputError: a file is missing, cannot be read or breaks a rule; the text names file, rule, value and
             cure.
     """
-    files = _Files(as_path(folder, "read_case: 'folder'"))
+    files = _Files(Path(folder))
     header = files.header
-    moved = files.motions(None if motions is None else as_path(motions, "read_case: 'motions'"))
+    moved = files.motions(None if motions is None else Path(motions))
     bones, bones_after = surface_files(files.folder / "bones"), surface_files(files.folder / "bones_after")
     check_file_names(bones)
     if not bones:
@@ -94,7 +96,7 @@ def read_checked_case(
         bones={name: files.surface(name, path) for name, path in bones.items()},
         landmarks_before=before,
         landmarks_after=after,
-        plan=files.plan() if after is not None and motions is None else None,
+        plan_text=files.plan() if after is not None and motions is None else None,
         actual_skin=None if actual is None else files.surface("actual_skin", actual),
         tissue=header.tissue,
         posture=header.posture,

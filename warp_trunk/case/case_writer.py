@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from warp_trunk.errors import InputError, as_path, expect
+from warp_trunk.checking import checked
+from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import partial, write_whole
 from warp_trunk.io.file_names import check_file_names
+from warp_trunk.io.folders import make_writable
 from warp_trunk.io.surface_files import surface_files, write_surface
 
 from .case import Case
@@ -22,6 +24,7 @@ from .points import points_text
 from .uncertainty import write_invented_skin
 
 
+@checked
 def write_case(folder: str | Path, case: Case) -> None:
     """Write a complete case folder, in LPS and mm, which `read_case` reads back to the last bit.
 
@@ -36,9 +39,9 @@ def write_case(folder: str | Path, case: Case) -> None:
         InputError: the folder holds surfaces that do not belong to the case and would be read with it, or a bone
             has a name that cannot be a file name.
     """
-    expect(case, Case, "write_case: 'case'", "read it with read_case, or make one")
-    folder = as_path(folder, "write_case: 'folder'")
+    folder = Path(folder)
     surfaces = _surfaces(folder, case)
+    make_writable(folder, "a case")
     begin_case(folder)
     for path, surface in surfaces.items():
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -8,18 +8,20 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Annotated
 
 import msgspec
 import numpy as np
 
-from warp_trunk.errors import InputError, closest_name, expect
+from warp_trunk.checking import Array, check_fields, checked
+from warp_trunk.errors import InputError, closest_name
 from warp_trunk.geometry.surface import FARTHEST
 from warp_trunk.io.atomic_write import csv_text, write_whole
 from warp_trunk.io.file_access import is_plain, number, read_text
 from warp_trunk.io.records import read_json
 
 from .anatomy import rank, region
-from .axes import MILLIMETRES, Axes
+from .axes import MILLIMETRES, Axes, Unit
 
 VERTEBRA_POINTS = (
     "superior_endplate",
@@ -35,7 +37,7 @@ ASIS = {"asis_left": "hip_left", "asis_right": "hip_right"}
 """The anterior superior iliac spines, and the bone of each; their names do not begin with it."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Landmarks:
     """Points with names, `<bone>_<point>` (and `asis_left`, `asis_right`).
 
@@ -46,25 +48,28 @@ class Landmarks:
 
     names: tuple[str, ...]
     """One name for each point, none twice."""
-    points: np.ndarray
+    points: Annotated[np.ndarray, Array(None, 3)]
     """Positions [mm], shape (n, 3), float64."""
 
     def __post_init__(self) -> None:
-        """Raises InputError for a name given twice, or another number of names than of points."""
-        object.__setattr__(self, "names", tuple(self.names))
-        expect(self.points, np.ndarray, "landmarks: points", "give numpy.array(points, dtype=float)")
-        if self.points.shape != (len(self.names), 3):
-            rule = f"points must have shape ({len(self.names)}, 3), one for each name"
-            raise InputError(f"landmarks: {rule}, not {self.points.shape}")
+        """Takes lists too; raises InputError for a name given twice, or another number of names than of points."""
+        check_fields(self, "landmarks")
+        if len(self.points) != len(self.names):
+            counts = f"{len(self.points)} for {len(self.names)} names"
+            raise InputError(f"landmarks: 'points' must have a row for each name, not {counts}; correct it")
         if len(set(self.names)) < len(self.names):
             twice = sorted({name for name in self.names if self.names.count(name) > 1})
             raise InputError(f"landmarks: '{twice[0]}' is named more than once; give each point its own name")
+
+    def __repr__(self) -> str:
+        names = ", ".join((*self.names[:2], "...", *self.names[-1:]) if len(self.names) > 4 else self.names)
+        return f"Landmarks({len(self.names)} points: {names})"
 
     def index(self, name: str) -> int:
         """The row of a landmark; InputError with the nearest name where there is none of that name."""
         if name not in self.names:
             problem = f"there is no '{name}' among the {len(self.names)} landmarks"
-            raise InputError(f"landmarks: {problem}{closest_name(name, self.names)}")
+            raise InputError(f"landmarks: {problem}{closest_name(str(name), self.names)}")
         return self.names.index(name)
 
     def point(self, name: str) -> np.ndarray:
@@ -125,8 +130,9 @@ _SLICER_COLUMNS = "id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label"
 _EXPECTED, _CURE = "markups of 3D Slicer were expected", "save the markups again from 3D Slicer"
 
 
+@checked
 def read_landmarks(
-    path: str | Path, axes: Axes | None = None, units: str = "mm", columns: tuple[str, ...] = COLUMNS
+    path: str | Path, axes: Axes | None = None, units: Unit = "mm", columns: tuple[str, str, str, str] = COLUMNS
 ) -> Landmarks:
     """Landmarks in LPS and mm from a CSV table, or from the markups of 3D Slicer (.mrk.json, .fcsv).
 

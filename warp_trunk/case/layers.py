@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
+from warp_trunk.checking import Array, check_fields
 from warp_trunk.engine.tissue import TISSUE_LIMITS, Tissue
 from warp_trunk.errors import InputError, closest_name
 from warp_trunk.io.atomic_write import write_whole
@@ -61,9 +62,9 @@ class Layers:
     2.5
     """
 
-    skin_thickness: float | np.ndarray = SKIN_THICKNESS
+    skin_thickness: float | Annotated[np.ndarray, Array(None, finite=False)] = SKIN_THICKNESS
     """Thickness of the skin [mm], everywhere or at each skin vertex, shape (skin vertices,)."""
-    fat_thickness: float | np.ndarray = FAT_THICKNESS
+    fat_thickness: float | Annotated[np.ndarray, Array(None, finite=False)] = FAT_THICKNESS
     """Thickness of the fat under it [mm], likewise."""
     constants: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     """Constants of `Tissue` that the case gives, by name of layer and constant."""
@@ -71,6 +72,13 @@ class Layers:
     """A mesh (.vtu, mm, LPS) whose cells say in the cell data `tissue` which layer they are of."""
 
     def __post_init__(self) -> None:
+        check_fields(self, "layers")
+        for layer, constants in self.constants.items():
+            if layer not in NAMES:
+                raise InputError(
+                    f"layers: there is no layer '{layer}'{closest_name(layer, NAMES)}; take {' or '.join(NAMES)}"
+                )
+            check_constants(constants, f"layers.{layer}")
         for name in THICKNESS:
             values = np.atleast_1d(getattr(self, name))
             good = np.isfinite(values) & (values >= 0.0) & (values <= MOST_THICKNESS)

@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from warp_trunk.errors import as_path
+from warp_trunk.checking import check_fields, checked
 from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.io.file_access import check_within
 from warp_trunk.io.records import as_record, read_toml, toml_text
@@ -34,6 +34,10 @@ class Turn(msgspec.Struct, frozen=True, kw_only=True):
     point: Vector
     """A point on the axis [mm]."""
 
+    def __post_init__(self) -> None:
+        """Raises InputError for a field of another type."""
+        check_fields(self, "rotation")
+
 
 class Motion(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """The motion of a bone from before to after surgery, in LPS and mm: a rotation and then a translation, or a
@@ -55,6 +59,10 @@ class Motion(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     large: bool = False
     """Whether the motion may exceed `LARGEST`."""
 
+    def __post_init__(self) -> None:
+        """Raises InputError for a field of another type."""
+        check_fields(self, "motion")
+
 
 class _Entry(Motion, frozen=True, kw_only=True):
     """A table of motions.toml, whose transform may be the name of a file."""
@@ -62,6 +70,7 @@ class _Entry(Motion, frozen=True, kw_only=True):
     transform: str | Matrix | None = None  # pyright: ignore[reportIncompatibleVariableOverride]
 
 
+@checked
 def read_motions(path: str | Path, axes: Axes | None = None, within: Path | None = None) -> dict[str, Motion]:
     """Read a table for each bone that moves, such as
 
@@ -91,7 +100,7 @@ def read_motions(path: str | Path, axes: Axes | None = None, within: Path | None
         InputError: a file is missing or cannot be read, an unknown key, a value of another type, or a transform
             that scales or mirrors. `check_motions` compares the motions with the bones.
     """
-    path, axes = as_path(path, "read_motions: 'path'"), axes or Axes("LPS")
+    path, axes = Path(path), axes or Axes("LPS")
     if within is not None:
         check_within(within, path)
     tables = read_toml(path, "motions of bones were expected")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from warp_trunk.io.records import bounds_of, check_fields
+from warp_trunk.checking import bounds_of, check_fields
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,10 +13,11 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta
 
+from warp_trunk.checking import check_fields
 from warp_trunk.engine.tissue import TISSUE_LIMITS
 from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.file_access import check_within, read_text
-from warp_trunk.io.records import check_fields, toml_table
+from warp_trunk.io.records import toml_table
 
 from .layers import read_numbers
 

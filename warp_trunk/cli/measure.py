@@ -14,7 +14,7 @@ from warp_trunk.case.folders import HEADER, is_case, refuse_case
 from warp_trunk.case.header import read_header
 from warp_trunk.case.landmarks import Landmarks, read_landmarks
 from warp_trunk.case.skin_checks import arm_warnings, check_second_skin
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, MissingFileError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume, manifold_fault
 from warp_trunk.io.atomic_write import write_whole
@@ -131,7 +131,7 @@ def skin_file(path: Path, *, finished: bool) -> Path:
             read_summary(path)
         return path / PREDICTED_SKIN
     if not path.exists():
-        raise InputError(f"{path}: there is no such file; give a closed surface or a result folder")
+        raise MissingFileError(f"{path}: there is no such file; give a closed surface or a result folder")
     return path
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, MissingFileError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -55,7 +55,9 @@ def read_bones(folder: Path, read: Callable[[Path], Surface] | None = None) -> d
 
     files = surface_files(folder) if folder.is_dir() else {}
     if not files:
-        raise InputError(f"{folder}: there is no such folder with surfaces; give each bone as <name>.ply in it")
+        raise MissingFileError(
+            f"{folder}: there is no such folder with surfaces; give each bone as <name>.ply in it"
+        )
     check_file_names(files)
     return {name: (read or read_surface)(path) for name, path in files.items()}
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from enum import Enum
-from numbers import Integral, Real
+from enum import StrEnum
+from numbers import Real
 from typing import Annotated, Literal
 
-from warp_trunk.errors import InputError, expect
+from warp_trunk.checking import check_fields
+from warp_trunk.errors import InputError
 
 from .tissue import Limits
 
@@ -29,16 +30,12 @@ class RelaxOptions:
     tolerance: Annotated[float, Limits(description="mm")] = 0.1
     """Largest estimated distance of a node from its equilibrium at the end [mm]. The mesh is worth 0.3 to 0.7 mm,
     and at 0.1 mm no rotation of the back moves by 0.00001 degrees; benchmarks of the solver take 0.01."""
-    max_steps: int = 500
+    max_steps: Annotated[int, Limits(ge=1, le=1e9)] = 500
     """Most steps of one relaxation."""
 
     def __post_init__(self) -> None:
-        if self.method not in ("newton", "gradient"):
-            raise InputError(f"method: must be newton or gradient, not '{self.method}'")
+        check_fields(self, "relaxation")
         check_tolerance(self.tolerance)
-        expect(self.max_steps, Integral, f"max_steps: {self.max_steps}", "give a whole number such as 500")
-        if self.max_steps < 1:
-            raise InputError(f"max_steps: must be at least 1, not {self.max_steps}")
 
 
 def check_tolerance(tolerance: float) -> None:
@@ -63,18 +60,35 @@ class Energy:
         return sum(self.terms.values())
 
 
-class RelaxStatus(Enum):
-    """Why a relaxation ended; the value is the sentence for the user."""
+class RelaxStatus(StrEnum):
+    """Why a relaxation ended: a name, which files keep, with its sentence for the user."""
 
-    CONVERGED = "the distance to equilibrium is below the tolerance"
-    NEAR = "the distance to equilibrium is estimated to be below the tolerance, on the way to the next increment"
-    STALLED = "the energy no longer falls, and the distance to equilibrium is not known to be below the tolerance"
-    STOPPED = "the energy no longer falls along the gradient; the distance to equilibrium is only estimated"
-    STEP_LIMIT = "the most steps allowed were taken before the tolerance was reached"
-    NOT_FINITE = "the energy at the start is not a finite number; check the input and the size of the increment"
+    sentence: str
+    """What it says, without its end."""
 
-    def __str__(self) -> str:
-        return self.name
+    CONVERGED = "CONVERGED", "the distance to equilibrium is below the tolerance"
+    NEAR = (
+        "NEAR",
+        "the distance to equilibrium is estimated to be below the tolerance, on the way to the next increment",
+    )
+    STALLED = (
+        "STALLED",
+        "the energy no longer falls, and the distance to equilibrium is not known to be below the tolerance",
+    )
+    STOPPED = (
+        "STOPPED",
+        "the energy no longer falls along the gradient; the distance to equilibrium is only estimated",
+    )
+    STEP_LIMIT = "STEP_LIMIT", "the most steps allowed were taken before the tolerance was reached"
+    NOT_FINITE = (
+        "NOT_FINITE",
+        "the energy at the start is not a finite number; check the input and the size of the increment",
+    )
+
+    def __new__(cls, name: str, sentence: str) -> RelaxStatus:
+        status = str.__new__(cls, name)
+        status._value_, status.sentence = name, sentence
+        return status
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,13 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Protocol
+from typing import Annotated, Protocol
 
 import numpy as np
 import warp as wp
 
-from warp_trunk.errors import InputError, expect
+from warp_trunk.checking import check_fields
+from warp_trunk.errors import InputError
 from warp_trunk.kernels.vectors import vector_kernels
 
 from .descent import ProjectedGradient
@@ -20,6 +21,7 @@ from .newton import Relaxer
 from .parallel import takes_turns
 from .relaxation import Relaxation, RelaxOptions, RelaxStatus, RelaxStep
 from .state import State, to_mesh_order
+from .tissue import Limits
 
 ON_THE_WAY = 20.0
 """Tolerances to which increments on the way are relaxed, by an estimate that is pessimistic: at the default of
@@ -46,15 +48,13 @@ class SimulationOptions:
     0.1
     """
 
-    increments: int = 10
+    increments: Annotated[int, Limits(ge=1, le=10_000)] = 10
     """Number of equal parts in which the correction is applied."""
     relax: RelaxOptions = field(default_factory=RelaxOptions)
     """How the tissue is relaxed after each increment."""
 
     def __post_init__(self) -> None:
-        expect(self.increments, int, f"increments: {self.increments}", "give a whole number such as 10")
-        if not 1 <= self.increments <= 10_000:
-            raise InputError(f"increments: must be from 1 to 10000, not {self.increments}")
+        check_fields(self, "simulation")
 
 
 class Increment:

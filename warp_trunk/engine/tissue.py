@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from numbers import Real
 from typing import Annotated, Literal, get_type_hints
 
-from warp_trunk.errors import InputError, expect
+from warp_trunk.checking import check_fields
 
 ENERGY: Literal["neo-hookean"] = "neo-hookean"
 """The energy of tissue where none is asked for: the continuum, which rigid ribs do not crumple."""
@@ -62,13 +61,7 @@ class Tissue:
 
     def __post_init__(self) -> None:
         """Raises InputError for a value that no tissue has."""
-        for name, limits in TISSUE_LIMITS.items():
-            value, bounded = getattr(self, name), math.isfinite(limits.le)
-            expect(value, Real, f"tissue: '{name}'", "give a number")
-            if not limits.ge <= value <= limits.le or math.isinf(value):
-                finite = f"a finite number of at least {limits.ge:g}"
-                rule = f"a number from {limits.ge:g} to {limits.le:g}" if bounded else finite
-                raise InputError(f"tissue: '{name}' must be {rule}, not {value}; correct it")
+        check_fields(self, "tissue")
 
 
 GRAVITY_LIMITS = Limits(le=1000.0, description="m/s^2")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from warp_trunk.checking import check_fields
 from warp_trunk.errors import InputError
 
 from .coarsening import coarsen
@@ -39,17 +40,16 @@ class CutPlane:
     inf
     """
 
-    point: tuple[float, ...]
+    point: tuple[float, float, float]
     """A point of the plane [mm], three numbers."""
-    normal: tuple[float, ...]
+    normal: tuple[float, float, float]
     """Points to what is cut off; of any length."""
     radius: float = math.inf
     """Only what is nearer to the point than this is cut off [mm]: an arm, but not the hip below it."""
 
     def __post_init__(self) -> None:
-        numbers = (*self.point, *self.normal)
-        good = len(self.point) == len(self.normal) == 3 and all(map(math.isfinite, numbers)) and any(self.normal)
-        if not good or not self.radius > 0.0:
+        check_fields(self, "cut")
+        if not (all(map(math.isfinite, (*self.point, *self.normal))) and any(self.normal) and self.radius > 0.0):
             values = f"{self.point}, {self.normal} and {self.radius}"
             raise InputError(
                 f"cut: a plane is a point, a normal that is not zero and a radius above 0, not {values}"

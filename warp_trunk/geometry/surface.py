@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from warp_trunk.errors import InputError, expect
+from warp_trunk.checking import Array, check_fields
+from warp_trunk.errors import InputError
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -17,7 +18,7 @@ FARTHEST = 1e7
 """No coordinate is farther from zero than this, in any unit; sums of cubes of such numbers stay exact enough."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Surface:
     """Triangles in patient axes (LPS: +x left, +y back, +z up).
 
@@ -26,21 +27,23 @@ class Surface:
     1
     """
 
-    vertices: np.ndarray
+    vertices: Annotated[np.ndarray, Array(None, 3, finite=False)]
     """Positions [mm], shape (vertices, 3), float64."""
-    faces: np.ndarray
+    faces: Annotated[np.ndarray, Array(None, 3, kind=np.int32)]
     """Vertex indices, counterclockwise seen from outside, shape (faces, 3), int32."""
-    colours: np.ndarray | None = None
+    colours: Annotated[np.ndarray, Array(None, 3, kind=np.uint8)] | None = None
     """Red, green and blue of each vertex, as pictures have them, shape (vertices, 3), uint8; None without any."""
 
     def __post_init__(self) -> None:
-        """Raises InputError for arrays of another kind or shape."""
-        for name, values, kind in (("vertices", self.vertices, "f"), ("faces", self.faces, "iu")):
-            expect(values, np.ndarray, f"surface: '{name}'", f"give numpy.array({name})")
-            if values.ndim != 2 or values.shape[1] != 3 or values.dtype.kind not in kind:
-                words = "numbers with a point" if kind == "f" else "whole numbers"
-                rule = f"must be an array of {words} of shape (n, 3)"
-                raise InputError(f"surface: '{name}' {rule}, not of {values.dtype} and {values.shape}; correct it")
+        """Takes lists too; raises InputError for what is no array of this kind and shape."""
+        check_fields(self, "surface")
+        if self.colours is not None and len(self.colours) != len(self.vertices):
+            counts = f"{len(self.colours)} for {len(self.vertices)} vertices"
+            raise InputError(f"surface: 'colours' must have a row for each vertex, not {counts}; correct it")
+
+    def __repr__(self) -> str:
+        coloured = "" if self.colours is None else ", coloured"
+        return f"Surface({len(self.vertices)} vertices, {len(self.faces)} triangles{coloured})"
 
     def moved(self, vertices: np.ndarray) -> Surface:
         """The same triangles and colours with vertices at other places [mm], shape (vertices, 3)."""

@@ -87,7 +87,7 @@ def check_place(path: Path) -> None:
         InputError: its folder is missing, or it is a folder itself.
     """
     if not path.absolute().parent.is_dir():
-        raise InputError(f"{path}: there is no folder {path.absolute().parent}; make it first")
+        raise MissingFileError(f"{path}: there is no folder {path.absolute().parent}; make it first")
     if path.is_dir():
         raise InputError(f"{path}: is a folder; give the name of a file")
 

@@ -7,10 +7,8 @@ import math
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
-from functools import cache
-from numbers import Real
 from pathlib import Path
-from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -75,50 +73,6 @@ def read_json(path: Path, kind: type[Record], expected: str, fault: str, cure: s
         return msgspec.json.decode(text, type=kind)
     except (msgspec.DecodeError, RecursionError) as error:
         raise InputError(f"{path}: {fault} ({error}); {cure}") from error
-
-
-def bounds_of(kind: type) -> dict[str, tuple[float, float]]:
-    """Least and most value of the fields of a dataclass that have them: `Annotated[float, Meta(ge=, le=)]`, or
-    with `Limits` of the engine."""
-    return {name: (meta.ge, meta.le) for name, meta in _declared(kind)[0].items()}
-
-
-def units_of(kind: type) -> dict[str, str]:
-    """Units of the fields of a dataclass that have one."""
-    return {name: meta.description for name, meta in _declared(kind)[0].items() if meta.description}
-
-
-def check_fields(record: object, what: str) -> None:
-    """InputError, which begins with `what`, for a field of a dataclass out of its bounds or its words.
-
-    None is allowed. For records that are made in Python or of options; those of a file are checked by `as_record`
-    before. The description of bounds is the unit.
-    """
-    bounds, words = _declared(type(record))
-    for name, meta in bounds.items():
-        value, least, most = getattr(record, name), meta.ge, meta.le
-        is_number = isinstance(value, Real) and not math.isnan(value)
-        if value is not None and not (is_number and least <= float(value) <= most):
-            cure = within(float(value), min(max(float(value), least), most)) if is_number else "; give one"
-            rule = f"must be a number from {least:g} to {most:g} {meta.description or ''}".rstrip()
-            raise InputError(f"{what}: '{name}' {rule}, not {value}{cure}")
-    for name, allowed in words.items():
-        value = getattr(record, name)
-        if value is not None and value not in allowed:
-            raise InputError(f"{what}: '{name}' must be {' or '.join(allowed)}, not {value!r}; give one of them")
-
-
-@cache
-def _declared(kind: type) -> tuple[dict[str, Any], dict[str, tuple[str, ...]]]:
-    """The bounds and the words of the fields of a dataclass, by their types."""
-    bounds, words = dict[str, Any](), dict[str, tuple[str, ...]]()
-    for name, hint in get_type_hints(kind, include_extras=True).items():
-        for part in (hint, *get_args(hint)):
-            if get_origin(part) is Literal:
-                words[name] = get_args(part)
-            for meta in getattr(part, "__metadata__", ()):
-                bounds[name] = meta
-    return bounds, words
 
 
 def _check_keys(value: Any, kind: Any, where: Path | str, prefix: str) -> None:

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import Annotated
 
 import numpy as np
 
 from warp_trunk.case.anatomy import VERTEBRAE
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.checking import Array, checked
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.back_points import FEWEST_SEEN, MOST_STRAY, BackPoints, find_back, points_on
 from warp_trunk.geometry.scanned_points import surface_of_points, without_bumps
 from warp_trunk.geometry.section import pieces
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, check_surface
 from warp_trunk.spine.spine import spine_of
 
 from .back_rotation import ROUND, UNSURE_PLACE, DualTangent, is_determined, tangent_of
@@ -21,9 +23,6 @@ from .markers import BackMarkers, back_markers
 from .quantities import WIDTH, Measured, MeasureTable
 from .rows import as_text
 from .scoliometer import BENT_SD, BESIDE, beside, forward_bend, pedicle_turns, slope_between, spinous_place
-
-if TYPE_CHECKING:
-    from warp_trunk.case.landmarks import Landmarks
 
 TURN = 0.5
 """Turn of a vertebra for its sideways way from the line between T1 and L5 [degrees/mm]: 0.44 to 0.50 from the
@@ -185,8 +184,11 @@ class BackMeasures:
         ]
 
 
+@checked
 def measure_back(
-    back: Surface | np.ndarray, spine: Landmarks | np.ndarray, markers: Landmarks | None = None
+    back: Surface | Annotated[np.ndarray, Array(None, 3, finite=False)],
+    spine: Landmarks | Annotated[np.ndarray, Array(None, 3)],
+    markers: Landmarks | None = None,
 ) -> BackMeasures:
     """Rotation of a back that was scanned alone, by level, from the landmarks of the spine or a line of it.
 
@@ -212,6 +214,8 @@ def measure_back(
         InputError: a missing marker, iliac spines that are exchanged, C7 not above them, or a line that does not
             reach over half of the way.
     """
+    if isinstance(back, Surface):
+        check_surface(back, "measure_back: 'back'")
     line = isinstance(spine, np.ndarray)
     marks = back_markers(markers) if line else back_markers(markers, spine, spine=False)
     across = marks.across

@@ -6,20 +6,18 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warp_trunk.case.anatomy import LUMBAR, THORACIC, VERTEBRAE
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.checking import checked
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import Surface, corner_areas, unit, vertex_normals
+from warp_trunk.geometry.surface import Surface, check_surface, corner_areas, unit, vertex_normals
 from warp_trunk.spine.spine import asis_axis, spine_of
 
 from .back_rotation import back_surface_rotation
 from .quantities import DETECTABLE, Measured
-
-if TYPE_CHECKING:
-    from warp_trunk.case.landmarks import Landmarks
 
 _SAME_WAY = 0.5
 """Cosine of 60 degrees: skin whose nearest point lies, or faces, further aside than this has none."""
@@ -262,6 +260,7 @@ class SkinComparison:
     """False for vertices that the statistics leave out: cut planes, and what is above T1 or below L5; (n,)."""
 
 
+@checked
 def compare_skins(
     predicted: Surface,
     actual: Surface,
@@ -287,6 +286,8 @@ def compare_skins(
     Raises:
         InputError: no ASIS, or no vertebra, among the landmarks, or a skin that is open at a level.
     """
+    for name, skin in (("predicted", predicted), ("actual", actual)):
+        check_surface(skin, f"compare_skins: '{name}'")
     ours, actual_rotations = rotations or (
         {level: tangent and tangent.angle for level, tangent in back_surface_rotation(skin, landmarks).items()}
         for skin in (predicted, actual)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warp_trunk.case.anatomy import LUMBAR, THORACIC
-from warp_trunk.errors import InputError, expect
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.checking import checked
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface, check_surface
 from warp_trunk.spine.apical import ApicalVertebra, apical_vertebrae, axial_rotation
 from warp_trunk.spine.cobb import (
     CobbAngle,
@@ -38,12 +40,8 @@ from .outlines import (
 )
 from .scoliometer import pedicle_turns, scoliometer_on, slopes_of
 
-if TYPE_CHECKING:
-    from warp_trunk.case.landmarks import Landmarks
-    from warp_trunk.geometry.surface import Surface
 
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class TrunkMeasures:
     """Measures of one skin with the spine that goes with it.
 
@@ -98,6 +96,14 @@ class TrunkMeasures:
     missing: dict[str, str] = field(default_factory=dict)
     """Why a measure is missing, by level or by the name of the measure."""
 
+    def __repr__(self) -> str:
+        curves = ", ".join(f"{curve.upper}-{curve.lower} {curve.angle:.0f}°" for curve in self.cobb)
+        numbers = {"rotation": (self.bsr.get(self.worst_level or ""), "°"), "hump": (self.max_hump, " mm")}
+        largest = [
+            f"largest {name} {value:+.1f}{unit}" for name, (value, unit) in numbers.items() if value is not None
+        ]
+        return f"TrunkMeasures({'; '.join(filter(None, (curves, *largest)))})"
+
     @property
     def bsr(self) -> dict[str, float | None]:
         """Back surface rotation [degrees] by level, positive for a hump on the right; None where missing."""
@@ -147,6 +153,7 @@ class TrunkMeasures:
         }
 
 
+@checked
 def measure(
     skin: Surface, landmarks: Landmarks, before: Surface | None = None, unseen: np.ndarray | None = None
 ) -> TrunkMeasures:
@@ -173,13 +180,13 @@ def measure(
         InputError: no ASIS among landmarks, or `before` with another number of vertices, or a skin that is
             open at a level.
     """
-    from warp_trunk.case.landmarks import Landmarks
-    from warp_trunk.geometry.surface import Surface
-
-    expect(skin, Surface, "measure: 'skin'", "read it with read_surface")
-    expect(landmarks, Landmarks, "measure: 'landmarks'", "give those of the case, or read_landmarks")
+    check_surface(skin, "measure: 'skin'")
+    if unseen is not None and unseen.shape != (len(skin.vertices),):
+        shape = f"({len(skin.vertices)},), one for each vertex of the skin, not {unseen.shape}"
+        raise InputError(f"measure: 'unseen' must have the shape {shape}; correct it")
     measures = measure_spine(landmarks)
     if before is not None:
+        check_surface(before, "measure: 'before'")
         if before.vertices.shape != skin.vertices.shape:
             raise InputError(
                 f"before: has {len(before.vertices)} vertices and the skin {len(skin.vertices)}; "

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from msgspec import Meta
 
+from warp_trunk.checking import check_fields, checked
 from warp_trunk.engine.trunk_mesh import TrunkMesh, check_trunk
-from warp_trunk.errors import InputError, expect
+from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface, check_surface
 from warp_trunk.geometry.surface_checks import check_solid, crossings, enclosed_volume
-from warp_trunk.io.records import check_fields
 
 from .bone_surface import BoneSurface, bone_surface
 from .cache import cache_key, load_cached, store_cached
@@ -66,6 +66,7 @@ class TrunkBuild:
     """Time the tetrahedra took, or reading them from the cache [s]."""
 
 
+@checked
 def make_trunk(
     skin: Surface,
     bones: Mapping[str, Surface],
@@ -88,11 +89,8 @@ def make_trunk(
     cannot be met: at once where the skin alone needs more, and before TetGen runs where the surfaces surely do.
     """
     options = options or MeshOptions()
-    expect(skin, Surface, "make_trunk: 'skin'", "read it with read_surface")
     if not bones:
         raise InputError("make_trunk: 'bones' is empty; give the surface of each bone by its name")
-    for name, bone in bones.items():
-        expect(bone, Surface, f"make_trunk: bone '{name}'", "read it with read_surface")
     tell = progress or (lambda what: None)
     start = time.perf_counter()
     key = cache_key(skin, bones, repr(sorted(asdict(options).items())))

@@ -13,15 +13,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from warp_trunk.case.folders import other_kind
-from warp_trunk.errors import InputError, MissingFileError, as_path
+from warp_trunk.checking import checked
+from warp_trunk.errors import InputError, MissingFileError
 from warp_trunk.io.atomic_write import partial
 from warp_trunk.io.result_files import RECORDING, SUMMARY
+from warp_trunk.results import Result
 from warp_trunk.system import start_apart
 
 if TYPE_CHECKING:
     from http.server import ThreadingHTTPServer
 
-    from warp_trunk.results import Result
 
 LOOPBACK = "127.0.0.1"
 WAIT = 60.0
@@ -30,6 +31,7 @@ WITHOUT_DISPLAY = "use `view --web`, or copy the result folder to a machine with
 """The advice if there is no display."""
 
 
+@checked
 def view_result(result: Result | str | Path, *, web: bool = False) -> int:
     """Open the recording of a result, and wait for its end.
 
@@ -48,7 +50,7 @@ def view_result(result: Result | str | Path, *, web: bool = False) -> int:
         InputError: the result is not saved, there is no recording, the file is none, or there is no display.
     """
     return (view_in_browser if web else view)(
-        find_recording(as_path(getattr(result, "folder", result), "view: 'result'"))
+        find_recording(result.folder if isinstance(result, Result) else Path(result))
     )
 
 

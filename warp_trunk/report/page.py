@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warp_trunk.bone_motion.plan import Plan, fixed_numbers, plan_in, plan_words, planned_curves
+from warp_trunk.bone_motion.plan import Plan, fixed_numbers, plan_words, planned_curves
 from warp_trunk.engine.simulation import ON_THE_WAY
 from warp_trunk.geometry.surface import corner_areas
 from warp_trunk.geometry.surface_checks import crossings
@@ -59,7 +59,7 @@ def page(
         trunk: the trunk to turn.
         areas: of the skin that is stretched and folded, in words (`skin_areas`).
     """
-    summary, table, plan = result.summary, result.table, plan_of_result(result)
+    summary, table, plan = result.summary, result.table, result.plan
     quality, curves, states = summary.skin_quality, summary.curves[BEFORE], STATES[: len(poses)]
     fixed = {} if plan is None else fixed_numbers(plan)
     shown = headlines(table, curves, fixed)
@@ -122,9 +122,9 @@ def _of_run(result: Result, poses: Sequence[TrunkState]) -> dict[str, Any]:
     summary, status = result.summary, result.status
     return {
         "summary": summary,
-        "plan": result.plan,
+        "plan": result.plan_text,
         "converged": result.converged,
-        "reason": status.value[:1].upper() + status.value[1:],
+        "reason": status.sentence[:1].upper() + status.sentence[1:],
         "poses": len(poses),
         "many": "many" if len(poses) > 2 else "",
         "titles": ", ".join(pose.look.title for pose in poses),
@@ -245,11 +245,6 @@ def sheet_of(result: Result) -> str:
     """The line at the foot of every printed sheet: name, day and fingerprint, as a string of CSS."""
     words = " · ".join(filter(None, (result.summary.case, result.summary.day, result.fingerprint)))
     return "".join(c if c.isalnum() or c in " .,·-" else f"\\{ord(c):x} " for c in words)
-
-
-def plan_of_result(result: Result) -> Plan | None:
-    """The plan of a result; None where it has none, or the motions of bones in its place."""
-    return plan_in(result.plan)
 
 
 def band_table(table: MeasureTable, bands: Bands, fixed: Collection[tuple[str, str]] = ()) -> list[list[str]]:

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from warp_trunk.bone_motion.plan import Plan, fused_levels, planned_curves
+from warp_trunk.checking import units_of
 from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.tissue import GRAVITY_LIMITS, RIGIDITY_LIMITS, Tissue
-from warp_trunk.io.records import units_of
 from warp_trunk.measures import SkinComparison
 from warp_trunk.measures.levels import largest_at
 from warp_trunk.measures.number_text import sided

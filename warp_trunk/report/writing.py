@@ -7,13 +7,13 @@ import html
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from warp_trunk.bone_motion.plan import fused_levels
+from warp_trunk.checking import checked
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.folders import make_writable
@@ -23,12 +23,13 @@ from warp_trunk.measures.body_part import agreement
 from warp_trunk.measures.quantities import LIKELY, QUANTITIES, Measured, MeasureTable, measured
 from warp_trunk.measures.skin_quality import skin_change
 from warp_trunk.measures.verdicts import is_known
+from warp_trunk.results import Result
 from warp_trunk.views.hump import hump_on_vertices, painted_difference
 from warp_trunk.views.relief import BEHIND, FRONT, RIGHT, in_pelvis
 
 from . import skin_pictures as skins
 from .dressing import dressed
-from .page import page, part_page, plan_of_result, skin_areas
+from .page import page, part_page, skin_areas
 from .part_pictures import change_sections, changed_views, frame_of
 from .plans import check_plans, plan_poses, plans_page, plans_table
 from .plots import convergence_plot, rotation_plot, section_plots
@@ -37,12 +38,10 @@ from .spine_pictures import spine_picture
 from .style import ACTUAL, BEFORE, BETTER, PREDICTED, RC, WORSE, TrunkState, embedded, file_of
 from .turning import Turning, TurningState, turning
 
-if TYPE_CHECKING:
-    from warp_trunk.results import Result
-
 PLANS_PAGE, PLANS_PICTURES = "plans.html", "plans"
 
 
+@checked
 def write_report(result: Result, out: str | Path | None = None, *, bare: bool = False) -> Path:
     """Write the report of a result: one page that needs no network, and its pictures as PNG.
 
@@ -73,7 +72,7 @@ def write_report(result: Result, out: str | Path | None = None, *, bare: bool = 
 
 def _whole(result: Result, folder: Path, bare: bool) -> str:
     """The page of a trunk; its pictures are written."""
-    poses, summary, plan, comparison = poses_of(result), result.summary, plan_of_result(result), None
+    poses, summary, plan, comparison = poses_of(result), result.summary, result.plan, None
     if result.actual_skin is not None:
         rotations = result.measures.bsr, result.states[ACTUAL.state].bsr
         comparison = compare_skins(result.skin, result.actual_skin, result.landmarks_after, rotations)
@@ -172,7 +171,7 @@ def write_comparison(results: Sequence[Result], out: str | Path | None = None, *
     folder, poses = _prepare(out, PLANS_PICTURES), dressed(plan_poses(results))
     with rc_context(RC):
         figures, trunk = _backs(poses, bare=bare)
-        plans, table = [plan_of_result(result) for result in results], plans_table(poses)
+        plans, table = [result.plan for result in results], plans_table(poses)
         fused = [(), *(() if plan is None else fused_levels(plan) for plan in plans)]
         figures |= {
             "spine_behind": spine_picture(poses, BEHIND, fused),
@@ -186,7 +185,7 @@ def write_comparison(results: Sequence[Result], out: str | Path | None = None, *
 
 def notebook_html(result: Result) -> str:
     """How the simulation ended, and the back before surgery and as predicted; only the words without a spine."""
-    words = f"<p><b>{html.escape(result.summary.case)}</b>: {result.status.name}, {result.status.value}</p>"
+    words = f"<p><b>{html.escape(result.summary.case)}</b>: {result.status.name}, {result.status.sentence}</p>"
     if not result.landmarks_before.names:
         return words
     poses = dressed(poses_of(result))

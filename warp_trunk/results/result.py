@@ -12,12 +12,14 @@ from typing import Any
 
 import numpy as np
 
+from warp_trunk.bone_motion.plan import Plan
+from warp_trunk.bone_motion.plan.plan_file import plan_of_text
 from warp_trunk.case.folders import refuse_case
 from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks, read_landmarks, write_landmarks
-from warp_trunk.case.motions import FILE as MOTIONS
+from warp_trunk.checking import checked
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.trunk_mesh import TrunkMesh
-from warp_trunk.errors import InputError, as_path
+from warp_trunk.errors import InputError, MissingFileError
 from warp_trunk.geometry.surface import Surface, digest
 from warp_trunk.io.atomic_write import complete, named, partial, replace
 from warp_trunk.io.file_access import read_text
@@ -45,9 +47,9 @@ from warp_trunk.io.result_files import (
 from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.io.trunk_file import read_trunk, write_trunk
 from warp_trunk.measures import TrunkMeasures
-from warp_trunk.measures.quantities import ACTUAL, BEFORE, BETTER, PREDICTED, WORSE, MeasureTable
+from warp_trunk.measures.quantities import ACTUAL, BEFORE, BETTER, PREDICTED, WORSE, Measured, MeasureTable
 
-from .bands import Bands, Effects, read_effects, read_skin_sd, write_effects, write_skin_sd
+from .bands import Effects, read_effects, read_skin_sd, write_effects, write_skin_sd
 from .sections import read_sections, write_sections
 from .summary import Summary, read_summary, write_summary
 
@@ -96,8 +98,8 @@ class Result:
     (vertices,); None without bands."""
     effects: Effects | None = None
     """Effects of the errors on its numbers; None without bands."""
-    plan: str | None = None
-    """The text of the plan, or of the motions of bones, that made it; None where there was none."""
+    plan_text: str | None = None
+    """The plan.toml that made it; None where no plan did."""
     saved_in: Path | None = None
     """Its result folder; None before `save`."""
     recording: Path | None = None
@@ -120,7 +122,7 @@ class Result:
     @property
     def status(self) -> RelaxStatus:
         """Why the last relaxation ended."""
-        return self.summary.ending
+        return self.summary.status
 
     @property
     def converged(self) -> bool:
@@ -128,9 +130,17 @@ class Result:
         return self.status is RelaxStatus.CONVERGED
 
     @property
-    def bands(self) -> Bands | None:
-        """The sources of the 95 % intervals; None unless the simulation was asked for them (`bands=True`)."""
-        return self.summary.bands
+    def plan(self) -> Plan | None:
+        """The plan that made it; None where none did."""
+        return None if self.plan_text is None else plan_of_text(self.plan_text, Path(PLAN))
+
+    @property
+    def bands(self) -> tuple[Measured, ...]:
+        """The predicted numbers with 95 % intervals, `low` to `high`; none unless asked for (`bands=True`).
+
+        Sources of the intervals are in `summary.bands`.
+        """
+        return tuple(row for row in self.table.rows if row.state == PREDICTED and row.low is not None)
 
     @property
     def fingerprint(self) -> str:
@@ -139,7 +149,7 @@ class Result:
         marks, skins = (self.landmarks_before, self.landmarks_after), (self.skin_before, self.skin)
         points = [np.round(points_of.points, 3) for points_of in marks]  # as their files have them
         points += [np.round(skin.vertices, 3).astype(np.float32) for skin in skins]
-        name = digest(self.plan or "", *points)
+        name = digest(self.plan_text or "", *points)
         return "-".join(name[first : first + 4] for first in (0, 4, 8))
 
     @cached_property
@@ -187,6 +197,7 @@ class Result:
         """The mesh before surgery, and the displacement of its nodes [mm], shape (nodes, 3)."""
         return self.read_tissue()
 
+    @checked
     def save(self, folder: str | Path) -> Result:
         """Write the result folder, with everything of the case that its report needs.
 
@@ -207,7 +218,7 @@ class Result:
                 into it.
         """
         # absolute, so that it stays where it is if the process changes its folder
-        folder = prepare_folder(as_path(folder, "save: 'folder'").absolute())
+        folder = prepare_folder(Path(folder).absolute())
         if self.saved_in is None or self.saved_in.resolve() != folder.resolve():
             with locked(folder):
                 write_result(folder, self)
@@ -240,7 +251,7 @@ def write_result(folder: Path, result: Result) -> None:
         ACTUAL_SKIN: (write_surface, result.actual_skin),
         LANDMARKS_BEFORE: (write_landmarks, before if before.names else None),
         LANDMARKS_AFTER: (write_landmarks, after if after.names else None),
-        PLAN: (_write_text, result.plan),
+        PLAN: (_write_text, result.plan_text),
         SKIN_SD: (write_skin_sd, result.skin_sd),
         UNSEEN_SKIN: (write_skin_sd, result.unseen),
         EFFECTS: (write_effects, result.effects),
@@ -256,7 +267,7 @@ def write_result(folder: Path, result: Result) -> None:
         if recording is not None and recording != partial_file:
             shutil.copyfile(recording, partial_file)
     made_of_it = [PAGE, *(f"{MEASURES}.{ending}" for ending in ("json", "csv", "png"))]
-    for name in (SUMMARY, *contents, RECORDING, MOTIONS, *made_of_it):  # first what says that it is complete
+    for name in (SUMMARY, *contents, RECORDING, *made_of_it):  # first what says that it is complete
         (folder / name).unlink(missing_ok=True)
     for picture in (folder / PICTURES).glob("*.png"):
         with picture.open("rb") as file:
@@ -274,6 +285,7 @@ def _write_text(path: Path, text: str) -> None:
     path.write_text(text, encoding="utf-8", newline="\n")
 
 
+@checked
 def read_result(folder: str | Path) -> Result:
     """Read and check a result folder.
 
@@ -284,12 +296,12 @@ def read_result(folder: str | Path) -> Result:
     Raises:
         InputError: it is no result folder, a file is missing or damaged, or files do not belong together.
     """
-    folder = as_path(folder, "read_result: 'folder'")
+    folder = Path(folder)
     summary = read_summary(folder)
 
     def present(name: str) -> Path:
         if not (folder / name).is_file():
-            raise InputError(f"{folder / name}: is missing, though {SUMMARY} is there; {SIMULATE_AGAIN}")
+            raise MissingFileError(f"{folder / name}: is missing, though {SUMMARY} is there; {SIMULATE_AGAIN}")
         return folder / name
 
     before, after = (read_surface(present(name)) for name in (SKIN_BEFORE, PREDICTED_SKIN))
@@ -302,8 +314,7 @@ def read_result(folder: str | Path) -> Result:
     if planned.names != reached.names:
         rule = f"its names must be those of {LANDMARKS_BEFORE}, in their order"
         raise InputError(f"{folder / LANDMARKS_AFTER}: {rule}; {SIMULATE_AGAIN}")
-    plans = [file for file in (folder / PLAN, folder / MOTIONS) if file.is_file()]
-    recording = folder / RECORDING
+    plan, recording = folder / PLAN, folder / RECORDING
     return Result(
         skin_before=before,
         skin=after,
@@ -318,7 +329,7 @@ def read_result(folder: str | Path) -> Result:
         unseen=None if summary.invented is None else read_skin_sd(folder / UNSEEN_SKIN, len(after.vertices)),
         skin_sd=None if summary.bands is None else read_skin_sd(folder / SKIN_SD, len(after.vertices)),
         effects=None if summary.bands is None else read_effects(folder / EFFECTS, len(after.vertices)),
-        plan=read_text(plans[0], "the plan of a result", MOST_PLAN) if plans else None,
+        plan_text=read_text(plan, "the plan of a result", MOST_PLAN) if plan.is_file() else None,
         saved_in=folder,
         recording=recording if recording.is_file() else None,
     )

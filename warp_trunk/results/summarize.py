@@ -97,7 +97,7 @@ def result_of(
 
     summary = Summary(
         case=case.name,
-        status=last.status.name,
+        status=last.status,
         tets=len(trunk.tets),
         nodes=len(trunk.nodes),
         free_nodes=int((~trunk.prescribed).sum()),
@@ -138,7 +138,7 @@ def result_of(
         skin_sd=None if intervals is None else intervals.skin_sd,
         unseen=None if case.unseen is None else case.unseen.astype(np.float64),
         effects=None if intervals is None else intervals.effects,
-        plan=case.plan,
+        plan_text=case.plan_text,
         recording=recording,
     )
 
@@ -203,7 +203,7 @@ def _increment(increment: Increment) -> IncrementSummary:
     ]
     return IncrementSummary(
         load_factor=increment.load_factor,
-        status=relaxation.status.name,
+        status=relaxation.status,
         energy=_terms(relaxation.energy),
         steps=relaxation.steps,
         linear_iterations=relaxation.linear_iterations,

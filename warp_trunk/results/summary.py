@@ -19,7 +19,6 @@ from warp_trunk.case.folders import other_kind
 from warp_trunk.case.uncertainty import Invented
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.tissue import Tissue
-from warp_trunk.errors import as_path
 from warp_trunk.io.atomic_write import json_text
 from warp_trunk.io.records import read_json
 from warp_trunk.io.result_files import SUMMARY
@@ -56,8 +55,8 @@ class IncrementSummary:
 
     load_factor: float
     """Fraction of the correction that is applied, in (0, 1]."""
-    status: str
-    """Why the relaxation ended, a name of `RelaxStatus`."""
+    status: RelaxStatus
+    """Why the relaxation ended."""
     energy: Terms
     """At its end."""
     steps: int
@@ -100,14 +99,14 @@ class SpringSummary:
     """W, their sum with alpha, epsilon and theta, and the bending of the skin; times k_D / 2 it is in J."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Summary:
     """How a run ended, with which options, and what was measured; a number that is not known is None."""
 
     case: str
     """Name of the case."""
-    status: str
-    """Status of the last relaxation, a name of `RelaxStatus`."""
+    status: RelaxStatus
+    """Why the last relaxation ended."""
     tets: int
     """Tetrahedra of the mesh."""
     nodes: int
@@ -164,15 +163,8 @@ class Summary:
     chest: dict[str, tuple[float, float]] = field(default_factory=dict)
     """Indices of the chest before and as predicted (`measures.part`), where they are measured."""
 
-    def __post_init__(self) -> None:
-        """Raises ValueError for a status that no relaxation has."""
-        if self.status not in RelaxStatus.__members__:
-            raise ValueError(f"'status' must be one of {', '.join(RelaxStatus.__members__)}, not '{self.status}'")
-
-    @property
-    def ending(self) -> RelaxStatus:
-        """Why the last relaxation ended."""
-        return RelaxStatus[self.status]
+    def __repr__(self) -> str:
+        return f"Summary({self.case!r}, {self.status}, {self.tets} tetrahedra, {len(self.measures)} numbers)"
 
     @property
     def has_spine(self) -> bool:
@@ -201,7 +193,7 @@ def read_summary(folder: str | Path) -> Summary:
     Raises:
         InputError: there is none, or none yet, or it is damaged or of another version of the program.
     """
-    folder = as_path(folder, "read_result: 'folder'")
+    folder = Path(folder)
     path, expected = folder / SUMMARY, "give a folder that `simulate` wrote"
     if not path.exists():
         expected = other_kind(folder, "result") or expected

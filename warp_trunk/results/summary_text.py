@@ -25,9 +25,9 @@ def plain(result: Result, name: str = "") -> str:
     """
     of = f"{name}: " if name else ""
     folder, summary = result.folder, result.summary
-    status = summary.ending
+    status = summary.status
     lines = [
-        f"{of}{status.name}: {status.value}",
+        f"{of}{status.name}: {status.sentence}",
         *(f"{of}Warning: {warning}" for warning in summary.warnings),
         f"{summary.tets} tetrahedra, {summary.inverted_tets} of them inverted, "
         f"in {summary.seconds['total']:.1f} s",
@@ -68,7 +68,7 @@ def markdown(
 ) -> str:
     """The same for the viewer, which reads Markdown."""
     status, table = last.relaxation.status, MeasureTable.of({BEFORE: before, PREDICTED: after})
-    lines = [f"# {case.name}", "", f"**{status.name}**: {status.value}.", ""]
+    lines = [f"# {case.name}", "", f"**{status.name}**: {status.sentence}.", ""]
     lines += [line for warning in warnings for line in (f"**Warning:** {warning}", "")]
     lines += [as_markdown(["measure", "before", "predicted"], under_headings(measure_rows(table, before))), ""]
     if before.bsr:

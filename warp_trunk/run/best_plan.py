@@ -9,15 +9,17 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
+from msgspec import Meta
 
 from warp_trunk.bone_motion.plan import Plan, Planner
 from warp_trunk.bone_motion.plan.record import Bound, bounds_of_text, check_bounds, shares_of, with_shares
 from warp_trunk.case import Case
+from warp_trunk.checking import checked
 from warp_trunk.engine.linearization import Linearization
-from warp_trunk.errors import InputError, WrongTypeError, expect
+from warp_trunk.errors import InputError
 from warp_trunk.measures.levels import JUDGED, largest_at
 from warp_trunk.measures.quantities import QUANTITIES, WIDTH
 
@@ -150,6 +152,7 @@ class BestPlan:
     """The standard deviation of that, from the sources that the case states."""
 
 
+@checked
 def best_plan(
     case: Case | PreparedPatient,
     plan: Plan,
@@ -159,7 +162,7 @@ def best_plan(
     execution: Execution | None = None,
     *,
     progress: Progress | None = None,
-    most: int = MOST_RELAXATIONS,
+    most: Annotated[int, Meta(ge=1, le=1000)] = MOST_RELAXATIONS,
 ) -> BestPlan:
     """Find the plan within bounds whose largest hump or back surface rotation is smallest.
 
@@ -189,12 +192,6 @@ def best_plan(
     """
     patient = case if isinstance(case, PreparedPatient) else None
     case = case.case if isinstance(case, PreparedPatient) else case
-    expect(case, Case, "best_plan: 'case'", "read it with read_case")
-    expect(plan, Plan, "best_plan: 'plan'", 'give wt.Plan(uiv="T4", liv="L1", ...), or read it with read_plan')
-    if aim not in AIMS:
-        raise InputError(f"best_plan: 'aim' must be {' or '.join(AIMS)}, not {aim!r}; give one of them")
-    if isinstance(within, str):
-        raise WrongTypeError(f"best_plan: 'within' must be a list, not a text; give [{within!r}]")
     if patient is not None and (options, execution) != (None, None):
         raise InputError("best_plan: a patient made ready has her options; leave 'options' and 'execution' out")
     progress = progress or Silent()

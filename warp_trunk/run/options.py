@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from warp_trunk.case.tissue_file import check_named
+from warp_trunk.checking import check_fields
 from warp_trunk.engine.energies.by_name import EnergyName, WeightsName
+from warp_trunk.engine.parallel import MOST_THREADS
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.engine.tissue import (
     EARTH_GRAVITY,
@@ -20,7 +22,6 @@ from warp_trunk.engine.tissue import (
     Limits,
 )
 from warp_trunk.errors import InputError
-from warp_trunk.io.records import check_fields
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.meshing.layers import LayersFrom
 
@@ -127,7 +128,7 @@ class Execution:
 
     device: str = "auto"
     """Where to compute: auto (a CUDA device if there is one), cpu, or cuda:0."""
-    threads: int = 0
+    threads: Annotated[int, Limits(le=MOST_THREADS)] = 0
     """CPU threads; 0 is one for each core."""
     cache: bool = True
     """Keep the mesh on disk, and reuse it for the same surfaces and options."""
@@ -139,7 +140,8 @@ class Execution:
     """Simulate also where more memory is needed than this machine has."""
 
     def __post_init__(self) -> None:
-        """Raises InputError for a recording that is shown but not made."""
+        """Raises InputError for a field of another type, or a recording that is shown but not made."""
+        check_fields(self, "execution")
         if self.view and not self.record:
             raise InputError("--view: shows what is recorded; leave --no-record out")
 

@@ -12,9 +12,11 @@ import numpy as np
 from warp_trunk.bone_motion.articulation import SpineFeatures, bone_motions, given_motions
 from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion, rigid_path, spline_path
 from warp_trunk.bone_motion.skeleton import Skeleton
+from warp_trunk.case import Case
 from warp_trunk.case.fingerprint import anatomy_of, difference
 from warp_trunk.case.layers import Layers
 from warp_trunk.case.tissue_file import with_constants
+from warp_trunk.checking import checked
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.checks import check_held
 from warp_trunk.engine.grids import Grids
@@ -33,20 +35,17 @@ from warp_trunk.meshing.joints import free_joints
 from warp_trunk.meshing.layers import check_labels, layered
 
 from .options import Execution, RunOptions, layers_from
-from .progress import stage_of
+from .progress import Progress, stage_of
 from .unread_options import refuse_unread
 from .warming import WORTH_COMPILING_AHEAD, CompilationAhead
 from .warnings import LARGE
 
 if TYPE_CHECKING:
-    from warp_trunk.case import Case
     from warp_trunk.case.landmarks import Landmarks
     from warp_trunk.geometry.rigid import NamedMotions
 
-    from .progress import Progress
 
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PreparedPatient:
     """One patient and her tissue, ready for any plan. Made by `patient_of`.
 
@@ -71,6 +70,9 @@ class PreparedPatient:
     """The mesh on its device, at rest."""
     grids: Grids | None = None
     """Grids of the solver from before nodes came off the bones; None where none did."""
+
+    def __repr__(self) -> str:
+        return f"PreparedPatient({self.case.name!r}, {len(self.trunk.tets)} tetrahedra on {self.model.device})"
 
     @cached_property
     def relaxer(self) -> Relaxer:
@@ -121,6 +123,7 @@ class PreparedPatient:
             raise InputError(f"case {case.name!r}: {same}, but {differs}; simulate it on its own")
 
 
+@checked
 def patient_of(
     case: Case,
     options: RunOptions | None = None,

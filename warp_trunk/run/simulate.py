@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, overload
 
 from warp_trunk.bone_motion.articulation import unknown_bones
 from warp_trunk.bone_motion.plan import Plan, PlannedSurgery, Planner
@@ -20,8 +20,9 @@ from warp_trunk.case import Case, check_case
 from warp_trunk.case.checks import check_patient, check_surgery
 from warp_trunk.case.motion_checks import check_passing
 from warp_trunk.case.tissue_file import with_constants
+from warp_trunk.checking import checked
 from warp_trunk.engine.parallel import choose_device, choose_threads
-from warp_trunk.errors import InputError, expect
+from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import partial
 from warp_trunk.io.file_names import check_file_names
 from warp_trunk.io.folders import locked, removed_if_empty
@@ -92,6 +93,7 @@ def simulate(
     patient: PreparedPatient | None = None,
     warnings: Sequence[str] | None = None,
 ) -> list[Result]: ...
+@checked
 def simulate(
     case: Case,
     plan: Plan | Sequence[Plan] | Mapping[str, Plan] | None = None,
@@ -138,15 +140,6 @@ def simulate(
             or a case or option that a stage refuses. Everything that can be refused before the first simulation is
             refused before it.
     """
-    expect(case, Case, "simulate: 'case'", "read it with read_case")
-    if options is not None:
-        expect(options, RunOptions, "simulate: 'options'", "give wt.RunOptions(...)")
-    if execution is not None:
-        expect(execution, Execution, "simulate: 'execution'", "give wt.Execution(...)")
-    listed: Any = plan if isinstance(plan, Sequence) and not isinstance(plan, str) else [plan] if plan else []
-    plans = plan if isinstance(plan, Mapping) else {str(n): item for n, item in enumerate(listed, start=1)}
-    for item in plans.values():
-        expect(item, Plan, "simulate: a plan", 'give wt.Plan(uiv="T4", liv="L1", ...), or read it with read_plan')
     progress, folder = progress or Silent(), None if folder is None else Path(folder).absolute()
     options = options or (RunOptions() if patient is None else patient.options)
     execution = execution or (Execution() if patient is None else patient.execution)
@@ -159,6 +152,7 @@ def simulate(
         name = f"{plan.uiv}-{plan.liv}" if folder is None else folder.resolve().name
         planned = simulator.planned(case, _surgery(Planner(case), "", plan), name)
         return simulator.result(planned, folder, list(dict.fromkeys([*(warnings or ()), *check_case(planned)])))
+    plans = plan if isinstance(plan, Mapping) else {str(n): each for n, each in enumerate(plan, start=1)}
     results = _several(simulator, case, plans, folder, warnings or ())
     return results if isinstance(plan, Mapping) else list(results.values())
 

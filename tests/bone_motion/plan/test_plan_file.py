@@ -79,7 +79,7 @@ def test_shares_of_a_plan_are_taken_and_put_back() -> None:
     [
         ("T8", "bounds nothing; write what may change, as T8,correction=0.5..0.8"),
         ("T8,correction=0.5", "must be a name, = and two numbers"),
-        ("T8,cobb_after=0.1..0.2", "'cobb_after' must be correction or derotation"),
+        ("T8,cobb_after=0.1..0.2", "'target' must be correction or derotation, not 'cobb_after'"),
         ("T8,correction=0.8..0.5", "from a smaller share to a larger one within 0 to 1, not from 0.8 to 0.5"),
         (
             "L2,correction=0.5..0.8",

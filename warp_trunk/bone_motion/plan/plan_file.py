@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 from warp_trunk.case import write_case
 from warp_trunk.case.case_writer import begin_case
 from warp_trunk.case.folders import is_case, refuse_case
-from warp_trunk.errors import InputError, as_path, expect
+from warp_trunk.checking import checked
+from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import json_text, write_whole
-from warp_trunk.io.file_access import number, read_text
+from warp_trunk.io.file_access import check_place, number, read_text
 from warp_trunk.io.records import as_record, toml_table, toml_text
 from warp_trunk.io.result_files import MOST_PLAN, PLAN
 
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from .surgery import PlannedSurgery
 
 
+@checked
 def read_plan(path: str | Path) -> Plan:
     """Read a plan.toml.
 
@@ -38,7 +40,7 @@ def read_plan(path: str | Path) -> Plan:
         InputError: a missing or unreadable file, an unknown key (the nearest known one is named), a value of the
             wrong type or one that is not allowed.
     """
-    path = as_path(path, "read_plan: 'path'")
+    path = Path(path)
     return plan_of_text(read_text(path, "a plan is given as TOML; see docs/planning.md", MOST_PLAN), path)
 
 
@@ -68,13 +70,14 @@ def plan_text(plan: Plan) -> str:
     return toml_text(record | {"curve": record.pop("curves")})
 
 
+@checked
 def write_plan(path: str | Path, plan: Plan) -> None:
     """Write a plan.toml.
 
     >>> wt.write_plan(folder / "fused.toml", wt.Plan(uiv="T4", liv="L1"))
     """
-    expect(plan, Plan, "write_plan: 'plan'", "make one with wt.Plan, or read it with read_plan")
-    write_whole(as_path(path, "write_plan: 'path'"), plan_text(plan))
+    check_place(Path(path))
+    write_whole(Path(path), plan_text(plan))
 
 
 RECORD = "plan.json"
@@ -112,7 +115,7 @@ def write_planned_case(folder: Path, case: Case, surgery: PlannedSurgery, name: 
 def planned_case(case: Case, surgery: PlannedSurgery, name: str) -> Case:
     """The case after a surgery, named after the patient and the plan, so that plans for one patient differ."""
     name = f"{patient_name(case)}, plan {name}"
-    return replace(surgery.planned_case(case), name=name, plan=plan_text(surgery.plan))
+    return replace(surgery.planned_case(case), name=name, plan_text=plan_text(surgery.plan))
 
 
 def patient_name(case: Case) -> str:

@@ -9,7 +9,8 @@ import numpy as np
 from warp_trunk.case import Case
 from warp_trunk.case.anatomy import rank
 from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.errors import InputError, expect
+from warp_trunk.checking import checked
+from warp_trunk.errors import InputError
 from warp_trunk.geometry.spline import fit_spline
 from warp_trunk.spine.apical import axial_rotation
 from warp_trunk.spine.cobb import CobbAngle, cobb_angles, curves_after, vertebral_tilt
@@ -28,6 +29,7 @@ _GROWS = 5.0
 """A curve that grows by more than this is reported [degrees]."""
 
 
+@checked
 def plan_surgery(case: Case, plan: Plan) -> PlannedSurgery:
     """Move the vertebrae as a plan requests, with the least motion, and report the motion of each.
 
@@ -47,8 +49,6 @@ def plan_surgery(case: Case, plan: Plan) -> PlannedSurgery:
         InputError: a level or a curve that the spine does not have, landmarks that are missing, or targets that
             cannot be met; the text names the target and the nearest that can be.
     """
-    expect(case, Case, "plan_surgery: 'case'", "read it with read_case")
-    expect(plan, Plan, "plan_surgery: 'plan'", 'give wt.Plan(uiv="T4", liv="L1", ...), or read it with read_plan')
     return Planner(case).plan(plan)
 
 

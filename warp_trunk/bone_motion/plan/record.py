@@ -10,12 +10,12 @@ from typing import Annotated, ClassVar, Literal, TypeVar
 from msgspec import Meta
 
 from warp_trunk.case.anatomy import VERTEBRAE, rank, region
-from warp_trunk.errors import InputError, expect
+from warp_trunk.checking import check_fields
+from warp_trunk.errors import InputError
 from warp_trunk.io.file_access import number
-from warp_trunk.io.records import check_fields
+from warp_trunk.io.records import as_record
 
 Value = TypeVar("Value")
-_CURVES = 'give a list such as [wt.CurvePlan("T8", correction=0.65)]'
 
 
 @dataclass(frozen=True)
@@ -85,17 +85,14 @@ class Plan:
             if not getattr(self, name):
                 rule = "is missing; a plan says which levels are fused"
                 raise InputError(f"plan: '{name}' {rule}, so add it, for example {example}")
-        expect(self.curves, list | tuple, "plan: 'curves'", _CURVES)
+        check_fields(self, "plan")
         object.__setattr__(self, "curves", tuple(self.curves))
-        for curve in self.curves:
-            expect(curve, CurvePlan, "plan: a curve", _CURVES)
         _check_level(self.uiv, "plan: 'uiv'")
         _check_level(self.liv, "plan: 'liv'")
         if rank(self.uiv) >= rank(self.liv):
             raise InputError(
                 f"plan: 'uiv' must lie above 'liv', but {self.uiv} is not above {self.liv}; change them"
             )
-        check_fields(self, "plan")
         apices = [curve.apex for curve in self.curves]
         twice = [apex for apex in apices if apices.count(apex) > 1]
         if twice:
@@ -147,10 +144,6 @@ def _check_level(level: object, what: str) -> None:
         raise InputError(f"{what} must be a vertebra such as T4 or L1, not {level!r}; correct it")
 
 
-TARGETS = ("correction", "derotation")
-"""The targets of a curve that can be left open."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Bound:
     """One share of a plan that is left open.
@@ -161,19 +154,18 @@ class Bound:
 
     apex: str
     """The curve, by the vertebra that the plan names it by."""
-    target: str
+    target: Literal["correction", "derotation"]
     """correction or derotation."""
-    low: float
+    low: Annotated[float, Meta(ge=0.0, le=1.0)]
     """Least share, 0 to 1."""
-    high: float
+    high: Annotated[float, Meta(ge=0.0, le=1.0)]
     """Greatest share, 0 to 1."""
 
     def __post_init__(self) -> None:
         """Raises InputError for another target, shares out of range, or an empty range."""
         where = f"--within {self.apex}: '{self.target}'"
-        if self.target not in TARGETS:
-            raise InputError(f"{where} must be {' or '.join(TARGETS)}; correct it")
-        if not 0.0 <= self.low < self.high <= 1.0:  # nor is NaN
+        check_fields(self, f"--within {self.apex}")
+        if not self.low < self.high:
             raise InputError(
                 f"{where} must go from a smaller share to a larger one within 0 to 1, not from {self.low:g} to "
                 f"{self.high:g}; correct it, or leave out what is not to change"
@@ -189,7 +181,10 @@ def bounds_of_text(text: str) -> tuple[Bound, ...]:
     apex, targets = targets_of_text("--within", text, _range, "two numbers, as correction=0.5..0.8")
     if not targets:
         raise InputError(f"--within {text}: bounds nothing; write what may change, as {apex},correction=0.5..0.8")
-    return tuple(Bound(apex=apex, target=target, low=low, high=high) for target, (low, high) in targets.items())
+    bounds = (
+        {"apex": apex, "target": target, "low": low, "high": high} for target, (low, high) in targets.items()
+    )
+    return tuple(as_record(bound, Bound, f"--within {text}") for bound in bounds)
 
 
 def _range(text: str) -> tuple[float, float]:

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from warp_trunk.errors import InputError, as_path
+from warp_trunk.checking import checked
+from warp_trunk.errors import InputError
 from warp_trunk.geometry.colours import as_colours, mean_colours
 from warp_trunk.geometry.surface import Surface, check_surface
 
@@ -65,6 +66,7 @@ def surface_files(folder: Path, stem: str | None = None) -> dict[str, Path]:
     return files
 
 
+@checked
 def read_surface(path: str | Path) -> Surface:
     """Read a surface from a .ply, .stl, .obj, .off, .glb, .vtp or .vtk file; the numbers are taken as mm.
 
@@ -86,7 +88,7 @@ def read_surface(path: str | Path) -> Surface:
     Raises InputError when the file is missing, too large or cannot be read, has no triangles, or has a vertex
     that is not finite or out of reach.
     """
-    return in_lps(*read_stated(as_path(path, "read_surface: 'path'")))
+    return in_lps(*read_stated(Path(path)))
 
 
 def in_lps(surface: Surface, space: str | None) -> Surface:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from warp_trunk.errors import InputError, as_path, expect
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.checking import checked
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface, check_surface
 
 from ..atomic_write import named
 from ..file_access import check_place
@@ -18,7 +19,8 @@ WRITTEN = (".ply", ".stl", ".obj", ".off", ".glb")
 """Endings of the files that are written."""
 
 
-def write_surface(path: str | Path, surface: Surface, space: str | None = "LPS") -> None:
+@checked
+def write_surface(path: str | Path, surface: Surface, space: Literal["LPS", "RAS"] | None = "LPS") -> None:
     """Write a surface in the format of the name's ending, vertices in their order; the write is atomic.
 
     The header says SPACE=LPS, as 3D Slicer writes and reads it, or another `space`, or nothing where it is None.
@@ -30,9 +32,9 @@ def write_surface(path: str | Path, surface: Surface, space: str | None = "LPS")
 
     Raises InputError for an ending that is not in `WRITTEN`, and OSError when the file cannot be written.
     """
-    path = as_path(path, "write_surface: 'path'")
-    expect(surface, Surface, "write_surface: 'surface'", "make one of vertices and faces")
+    path = Path(path)
     check_written(path)
+    check_surface(surface, f"{path}: 'surface'")
     unfinished = path.with_name(f".{path.name}.partial")  # hidden, so that it is never read as a bone
     content = _ply_bytes(surface, space) if path.suffix.lower() == ".ply" else _exported(path, surface, space)
     try:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
 from warp_trunk.bone_motion.rib_cage import ends
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.checking import Array, check_fields
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.spine.spine import asis_axis
@@ -46,8 +48,12 @@ class StraightBody:
     """By name."""
     landmarks: Landmarks
     """Of its bones, six for each of T1 to L5 and both ASIS."""
-    psis: np.ndarray
+    psis: Annotated[np.ndarray, Array(2, 3)]
     """The skin behind the left and the right posterior iliac spine [mm], shape (2, 3)."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for a field of another type or shape."""
+        check_fields(self, "body")
 
     @property
     def endplates(self) -> np.ndarray:

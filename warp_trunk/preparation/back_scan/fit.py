@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from warp_trunk.case import Case
 from warp_trunk.case.anatomy import PELVIC_RING, VERTEBRAE
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.uncertainty import Invented
+from warp_trunk.checking import Array, checked
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.colours import coloured_from_points
 from warp_trunk.geometry.distance_field import SurfaceDistance
@@ -65,14 +67,15 @@ class FittedBack:
         return 0.0 if self.case.invented is None else self.case.invented.share
 
 
+@checked
 def fit_back(
-    points: np.ndarray,
+    points: Annotated[np.ndarray, Array(None, 3, finite=False)],
     spine: PatientSpine,
     markers: Landmarks,
     body: StraightBody | None = None,
     name: str = "back",
     *,
-    colours: np.ndarray | None = None,
+    colours: Annotated[np.ndarray, Array(None, 3, kind=np.uint8)] | None = None,
     files: tuple[str, str, str] = ("back", "spine", "markers"),
 ) -> FittedBack:
     """Fit a straight body to a scan of the back, the spine under it and markers of the pelvis.

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 
 from warp_trunk.bone_motion.rib_cage import RibCage, follow
 from warp_trunk.bone_motion.vertebra_motion import Vertebrae
@@ -14,6 +16,7 @@ from warp_trunk.case.case import Study
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.rib_coupling import RibCoupling
 from warp_trunk.case.uncertainty import ON_BONES, Uncertainty
+from warp_trunk.checking import checked
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.spline import Spline, fit_spline
@@ -147,11 +150,12 @@ STRAIGHT = 5.0
 _TURN = 1.4
 
 
+@checked
 def make_case(
     skin: Surface,
     bones: Mapping[str, Surface],
     curve: Curve,
-    correction: float,
+    correction: Annotated[float, Meta(ge=0.0, le=1.0)],
     name: str | None = None,
 ) -> Case:
     """Impose a curve on straight anatomy and plan the correction of a fraction of it.

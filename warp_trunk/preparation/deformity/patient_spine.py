@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
 
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks, read_landmarks
+from warp_trunk.checking import Array, check_fields
 from warp_trunk.errors import InputError
 from warp_trunk.io.file_access import read_text
 from warp_trunk.io.point_files import read_points
@@ -27,16 +29,20 @@ class PatientSpine:
     ()
     """
 
-    kind: str
-    """line, pedicles or landmarks."""
-    line: np.ndarray
+    kind: Literal["line", "pedicles", "landmarks"]
+    """What was given."""
+    line: Annotated[np.ndarray, Array(None, 3)]
     """Through the middles of the vertebral bodies from top to bottom [mm], shape (n, 3)."""
     levels: tuple[str, ...] = ()
     """The vertebrae whose middles the points of the line are; none of a mere line."""
-    up: np.ndarray | None = None
+    up: Annotated[np.ndarray, Array(None, 3)] | None = None
     """Axis of each of these vertebrae, shape (levels, 3), where both endplates are known."""
-    across: np.ndarray | None = None
+    across: Annotated[np.ndarray, Array(None, 3)] | None = None
     """From the right to the left pedicle of each [mm], shape (levels, 3), where they are known."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for a field of another type or shape."""
+        check_fields(self, "spine")
 
 
 def read_patient_spine(path: str | Path, size: float = 1.0) -> PatientSpine:

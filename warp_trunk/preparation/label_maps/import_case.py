@@ -19,13 +19,13 @@ from warp_trunk.case.case import Posture
 from warp_trunk.case.landmarks import ASIS, NO_LANDMARKS
 from warp_trunk.case.layers import Layers
 from warp_trunk.case.uncertainty import ON_BONES, Uncertainty
+from warp_trunk.checking import check_fields
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import without_slivers
 from warp_trunk.geometry.core_threads import each_over_cores
 from warp_trunk.geometry.cutting import CutPlane
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import slivers
-from warp_trunk.io.records import check_fields
 
 from ..landmark_finder import FoundLandmarks, find_landmarks
 from .cartilages import split_cartilages

@@ -10,9 +10,10 @@ import numpy as np
 
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.landmarks import ASIS, VERTEBRA_POINTS, Landmarks
+from warp_trunk.checking import checked
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.section import arc_length
-from warp_trunk.geometry.surface import Surface, area_vectors, unit
+from warp_trunk.geometry.surface import Surface, area_vectors, check_surface, unit
 from warp_trunk.geometry.surface_checks import boundary_edges, components
 
 from .vertebra import FoundVertebra, UnsureError, find_vertebra
@@ -40,6 +41,7 @@ class FoundLandmarks:
         return self.landmarks
 
 
+@checked
 def find_landmarks(bones: Mapping[str, Surface]) -> FoundLandmarks:
     """The landmarks of a spine, straight or curved, each on the surface of its bone.
 
@@ -61,6 +63,8 @@ def find_landmarks(bones: Mapping[str, Surface]) -> FoundLandmarks:
     present = [name for name in VERTEBRAE if name in bones]
     if not present:
         raise InputError("bones: any of T1 to L5 is missing; landmarks need vertebrae, each named after its level")
+    for name in (*present, *(hip for hip in ASIS.values() if hip in bones)):
+        check_surface(bones[name], f"find_landmarks: '{name}'")
     first, last = VERTEBRAE.index(present[0]), VERTEBRAE.index(present[-1])
     gap = f"there is no surface of this name between {present[0]} and {present[-1]}"
     unsure = {name: gap for name in VERTEBRAE[first : last + 1] if name not in present}

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
+from msgspec import Meta
 
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.checking import checked
 from warp_trunk.geometry.surface import Surface
 
 from ..deformity import SpineCurve
@@ -33,7 +37,10 @@ def straight_trunk() -> tuple[Surface, dict[str, Surface], Landmarks]:
     return Surface(skin.vertices * stretch, skin.faces), stretched, marks
 
 
-def phantom_case(curve: SpineCurve | None = None, correction: float = 0.7) -> Case:
+@checked
+def phantom_case(
+    curve: SpineCurve | None = None, correction: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.7
+) -> Case:
     """The phantom with a scoliosis, and the correction of a fraction of it.
 
     >>> wt.phantom_case().name

@@ -10,11 +10,12 @@ import numpy as np
 
 from warp_trunk.case.anatomy import PELVIS
 from warp_trunk.case.landmarks import Landmarks, bone_of
-from warp_trunk.errors import InputError, expect
+from warp_trunk.checking import checked
+from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.spline import fit_spline, spread_centres
-from warp_trunk.geometry.surface import Surface, area_vectors, unit, vertex_normals
+from warp_trunk.geometry.surface import Surface, area_vectors, check_surface, unit, vertex_normals
 
 from .registration import check_near, check_size
 
@@ -44,6 +45,7 @@ class AtlasFit:
     """How deep each bone comes nearest to the skin [mm], negative outside; empty without skins."""
 
 
+@checked
 def fit_atlas(
     bones: Mapping[str, Surface],
     atlas: Landmarks,
@@ -78,8 +80,10 @@ def fit_atlas(
         InputError: landmarks of the atlas that the patient has not, that are off their bones or of another size,
             or on which nothing can be fitted.
     """
-    for name, marks in (("atlas", atlas), ("patient", patient)):
-        expect(marks, Landmarks, f"fit_atlas: '{name}'", "read them with read_landmarks")
+    if not bones:
+        raise InputError("fit_atlas: 'bones' is empty; give the surface of each bone by its name")
+    for bone, surface in bones.items():
+        check_surface(surface, f"fit_atlas: '{bone}'")
     if missing := [name for name in atlas.names if name not in patient.names]:
         which = f"'{missing[0]}'{f' and {len(missing) - 1} more are' if missing[1:] else ' is'} missing"
         cure = "add what is missing, or remove it from those of the atlas"

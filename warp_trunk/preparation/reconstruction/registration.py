@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.errors import InputError, expect
+from warp_trunk.checking import checked
+from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.spline import fit_spline
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, check_surface
 
 if TYPE_CHECKING:
     from warp_trunk.geometry.rigid import RigidMotion
@@ -40,6 +41,7 @@ class Registration:
     """Smallest ratio of volumes, after to before, at a skin vertex; a fold would make it negative."""
 
 
+@checked
 def register_skin(skin: Surface, on_skin: Landmarks, on_films: Landmarks, nugget: float = 0.0) -> Registration:
     """Carry the skin by the rigid motion nearest to its markers, then by the spline through what that leaves.
 
@@ -62,9 +64,9 @@ def register_skin(skin: Surface, on_skin: Landmarks, on_films: Landmarks, nugget
         InputError: names that differ, markers off the skin or of another size, markers on which no spline can
             be fitted, or a map that folds the skin.
     """
-    expect(skin, Surface, "register_skin: 'skin'", "read it with read_surface")
-    for name, markers in (("on_skin", on_skin), ("on_films", on_films)):
-        expect(markers, Landmarks, f"register_skin: '{name}'", "read them with read_landmarks")
+    check_surface(skin, "register_skin: 'skin'")
+    if not on_skin.names:
+        raise InputError("register_skin: 'on_skin' is empty; give four markers or more")
     if differ := sorted(set(on_skin.names) ^ set(on_films.names)):
         fault = f"of {', '.join(differ[:4])} there is only one"
         raise InputError(f"register: markers on skin and films must have the same names, but {fault}; name both")

@@ -9,6 +9,7 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta
 
+from warp_trunk.checking import check_fields, checked
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import coarsen, without_slivers
 from warp_trunk.geometry.colours import coloured_from
@@ -17,7 +18,6 @@ from warp_trunk.geometry.distance_field import Grid, one_solid, zero_surface
 from warp_trunk.geometry.surface import Surface, corner_areas, directed_edges, unit, vertex_areas
 from warp_trunk.geometry.surface_checks import boundary_edges, check_solid, linked_parts
 from warp_trunk.geometry.surface_fit import fit_to_points
-from warp_trunk.io.records import check_fields
 
 from .parts import check_parts, covers, reach_of
 from .winding import sheet_samples, winding_field
@@ -61,6 +61,7 @@ class ClosedSkin:
     """The closed openings, largest first."""
 
 
+@checked
 def close_skin(
     parts: Mapping[str, Surface], cuts: Sequence[CutPlane] = (), options: CloseOptions | None = None
 ) -> ClosedSkin:
