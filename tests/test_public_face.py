@@ -12,19 +12,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-import warp_trunk as wt
+import warp_trunk
 from support.asserting import refuses
 from support.report_results import write_small_result
 from support.small_case import small_case
 from warp_trunk.errors import InputError, MissingFileError
 
+wt: Any = warp_trunk
 CASE = small_case()
 SKIN, MARKS, BONES = CASE.skin, CASE.landmarks_before, CASE.bones
 PLAN = wt.Plan(uiv="T4", liv="L1", curves=[wt.CurvePlan("T8", correction=0.5)])
 LINE = wt.PatientSpine("line", MARKS.middles())
 HOLED = wt.Surface(np.where(np.arange(len(SKIN.vertices))[:, None] == 5, np.nan, SKIN.vertices), SKIN.faces)
 EMPTY, UNMARKED = wt.Surface([], []), wt.Landmarks((), [])
-ANY: Any = wt
 
 GOOD: dict[str, dict[str, Any]] = {
     "best_plan": {"case": CASE, "plan": PLAN, "within": ["T8,correction=0.4..0.6"]},
@@ -245,13 +245,13 @@ def test_a_place_that_cannot_be_written_is_named(write: str, name: str, tmp_path
 
 
 def test_lists_become_arrays_of_the_stated_numbers() -> None:
-    marks = ANY.Landmarks(["a", "b"], [[0, 0, 1], [2, 3, 4]])
-    surface = ANY.Surface([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    marks = wt.Landmarks(["a", "b"], [[0, 0, 1], [2, 3, 4]])
+    surface = wt.Surface([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
     assert marks.names == ("a", "b")
     assert [array.dtype.name for array in (marks.points, surface.vertices, surface.faces)] == [
         "float64", "float64", "int32"
     ]  # fmt: skip
-    assert ANY.RunOptions(from_mesh="mesh.vtu").from_mesh == Path("mesh.vtu")
+    assert wt.RunOptions(from_mesh="mesh.vtu").from_mesh == Path("mesh.vtu")
 
 
 def test_what_a_reader_sees_of_records_is_a_line_each(tmp_path: Path) -> None:

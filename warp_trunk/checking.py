@@ -78,8 +78,10 @@ def check_fields(record: object, what: str) -> None:
     for name, hint in _hints_of(type(record)).items():
         value = getattr(record, name)
         if (fitting := _as_hinted(value, hint, what, name)) is not value:
-            put = force_setattr if isinstance(record, Struct) else object.__setattr__
-            put(record, name, fitting)
+            if isinstance(record, Struct):
+                force_setattr(record, name, fitting)
+            else:
+                object.__setattr__(record, name, fitting)
 
 
 @dataclass(frozen=True)

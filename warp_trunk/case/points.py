@@ -11,7 +11,7 @@ import numpy as np
 
 from warp_trunk.io.atomic_write import csv_text
 
-from .axes import Axes
+from .axes import Axes, Unit
 from .landmarks import COLUMNS, NO_LANDMARKS, Landmarks, read_rows, read_table
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class Points:
         return [(list(surfaces)[row], float(off[row, column])) for column, row in enumerate(nearest)]
 
 
-def read_points(path: Path, axes: Axes, units: str) -> Points:
+def read_points(path: Path, axes: Axes, units: Unit) -> Points:
     """Read a table with the columns name, x, y, z and optionally `PAIR`, in the axes and units of a case.
 
     Raises:

@@ -246,7 +246,7 @@ def cut_bone(bone: Surface, plane: CutPlane, name: str = "bone") -> list[Surface
         raise InputError(f"{name}: {plane} does not cut it; move the plane, or give another radius")
     edge = float(np.median(side_lengths(bone)))
     rest = cut_within(bone, plane, ~beyond | off, edge)
-    back = CutPlane(plane.point, tuple(-value for value in plane.normal))
+    back = CutPlane.at(np.array(plane.point), -np.array(plane.normal))
     other = cut_within(bone, back, np.ones(len(beyond), dtype=bool), edge)
     parts = [rest, *_cut_off(other, bone.vertices[off])]
     change = sum(map(enclosed_volume, parts)) / enclosed_volume(bone) - 1.0
