@@ -94,8 +94,8 @@ def test_ranges():
         "cases_within": 1.0,
         "in_band": (0.5 + 1.0) / 2.0,
     }
-    assert {name: estimate and estimate.mean for name, estimate in rotations.items()} == pytest.approx(means)
-    error = not_none(rotations["error"])
+    assert {name: estimate and estimate.mean for name, estimate in vars(rotations).items()} == pytest.approx(means)
+    error = not_none(rotations.error)
     assert error.sd == pytest.approx((1.0 / 3.0) / 2.0**0.5)
 
 

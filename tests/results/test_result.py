@@ -26,7 +26,7 @@ from warp_trunk.io.surface_files import write_surface
 from warp_trunk.measures import measure
 from warp_trunk.measures.quantities import Measured
 from warp_trunk.meshing import predicted_skin
-from warp_trunk.results import read_result, read_summary, result_of
+from warp_trunk.results import RunAccount, read_result, read_summary, result_of
 from warp_trunk.results.result import LEAST_SPACE, prepare_folder
 from warp_trunk.results.summary_text import markdown, plain
 
@@ -56,7 +56,9 @@ def test_trunk_is_at_rest_with_its_displacement(simulated, tmp_path):
 def test_summary_has_its_keys_and_the_numbers_of_the_run(simulated, tmp_path):
     _, trunk, _, _ = simulated
     summary = (
-        result_of(*simulated, parameters={"tets": 7}, seconds={"mesh": 1.5, "total": 3.0}).save(tmp_path).summary
+        result_of(*simulated, run=RunAccount(parameters={"tets": 7}, seconds={"mesh": 1.5, "total": 3.0}))
+        .save(tmp_path)
+        .summary
     )
     assert read_summary(tmp_path) == summary
     assert summary.free_nodes == len(trunk.nodes) - int((trunk.bone >= 0).sum())
@@ -96,7 +98,7 @@ def test_only_whole_files_are_left_and_an_old_recording_is_not(simulated, tmp_pa
     assert read_result(tmp_path).plan is None
     assert {path.name for path in tmp_path.iterdir()} == WHOLE
     (tmp_path / "recording.partial.rrd").write_bytes(b"new")
-    result_of(*simulated, recording=tmp_path / "recording.partial.rrd").save(tmp_path)
+    result_of(*simulated, run=RunAccount(recording=tmp_path / "recording.partial.rrd")).save(tmp_path)
     assert (tmp_path / "recording.rrd").read_bytes() == b"new"
     assert not (tmp_path / "recording.partial.rrd").exists()
 

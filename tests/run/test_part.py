@@ -94,10 +94,10 @@ def test_agreement_of_a_larger_ball_is_its_larger_radius():
     skin = part_case().skin
     for more, within in ((1.5, 100.0), (2.5, 0.0)):
         larger = Surface((1.0 + more / 80.0) * (skin.vertices - [0, 0, 100]) + [0, 0, 100], skin.faces)
-        distances, signed = agreement(larger, skin)
-        assert distances["distance_within_2_mm_percent"] == pytest.approx(within)
-        np.testing.assert_allclose(signed, more, atol=0.1)
-        assert distances["distance_mean_mm"] == pytest.approx(more, abs=0.1)
+        agreed = agreement(larger, skin)
+        assert agreed.distance_within_2_mm_percent == pytest.approx(within)
+        np.testing.assert_allclose(agreed.signed, more, atol=0.1)
+        assert agreed.distance_mean_mm == pytest.approx(more, abs=0.1)
 
 
 def test_points_go_with_their_surface_and_the_ratio_is_that_of_the_ways(tmp_path):

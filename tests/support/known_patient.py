@@ -22,7 +22,7 @@ from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.results import result_of
+from warp_trunk.results import RunAccount, result_of
 from warp_trunk.results.bands import FoundBands
 
 WIDTH, DEPTH, TOP, BOTTOM = 150.0, 100.0, 450.0, -110.0
@@ -179,5 +179,5 @@ def write_known_result(
         mesh, gravity=0.0, device="cpu", precision="float64", threads=1, energy="itmsm", skin_rigidity=0.0
     )
     increments = known_increments(displacement, mesh)
-    fields: dict[str, Any] = {"parameters": {"tolerance": 0.01}, "seconds": {"total": 1.0}}
-    return result_of(case, mesh, model, increments, **fields, intervals=intervals).save(folder).folder
+    run = RunAccount(parameters={"tolerance": 0.01}, seconds={"total": 1.0}, intervals=intervals)
+    return result_of(case, mesh, model, increments, run).save(folder).folder

@@ -11,7 +11,7 @@ from warp_trunk.engine.model import Model
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.measures.measures import measure_level
 from warp_trunk.measures.quantities import BETTER, EXACT, PREDICTED, WORSE, Measured
-from warp_trunk.results import result_of
+from warp_trunk.results import RunAccount, result_of
 from warp_trunk.results.bands import Bands, BandSource, Effects, FoundBands
 
 from .meshes import turned_about_z
@@ -62,9 +62,7 @@ def write_small_result(
         trunk,
         result_model(),
         increments,
-        parameters={"tolerance": 0.01},
-        seconds={"total": 1.0},
-        intervals=intervals,
+        RunAccount(parameters={"tolerance": 0.01}, seconds={"total": 1.0}, intervals=intervals),
     ).save(folder)
     return folder
 

@@ -25,7 +25,7 @@ from warp_trunk.errors import InputError
 
 NARROWEST = 40
 """Columns of a screen for which help is laid out at least; tyro never ends in fewer than about ten."""
-ONLY_IN_PYTHON = frozenset({"radius_edge_ratio", "constants"})
+ONLY_IN_PYTHON = frozenset({"radius_edge_ratio", "constants", "preset"})
 """Fields that are no options of a command: only studies need them, or other options fill them."""
 
 

@@ -60,7 +60,7 @@ class SimulationArguments:
         """These options, with the constants of the tissue file, and over them those of the command."""
         papers = {name: PAPERS[name] for name in PAPERS.keys() - self.options_given.keys()} if self.papers else {}
         of_file = {} if self.tissue_file is None else read_tissue_file(self.tissue_file)
-        return replace(self.options, **papers, constants=of_file | self.tissue)
+        return replace(self.options, **papers, preset=frozenset(papers), constants=of_file | self.tissue)
 
 
 def report_ending(result: Result, name: str = "") -> int:

@@ -155,10 +155,10 @@ def worse_parts(summary: CohortSummary) -> list[str]:
     for name, part in REGIONS.items():
         mean_of = summary.ranges[name]
         for what, gain, other in (
-            ("saying that nothing changes", mean_of["better_than_nothing"], mean_of["nothing_changes"]),
-            ("moving the skin with the spline of the landmarks", mean_of["better_than_spline"], mean_of["spline"]),
+            ("saying that nothing changes", mean_of.better_than_nothing, mean_of.nothing_changes),
+            ("moving the skin with the spline of the landmarks", mean_of.better_than_spline, mean_of.spline),
         ):
-            error = mean_of["error"]
+            error = mean_of.error
             if gain is not None and other is not None and error is not None and gain.mean < 0.0:
                 sentences.append(
                     f"{part} is predicted worse than by {what}: the error is {error.mean:.2f} degrees, not "
@@ -206,8 +206,8 @@ def cohort_text(summary: CohortSummary) -> str:
             more = f" and {len(names) - 12} more" if len(names) > 12 else ""
             lines.append(f"{what}: {', '.join(names[:12])}{more}")
     for name, estimates in summary.ranges.items():
-        error, nothing, spline = estimates["error"], estimates["nothing_changes"], estimates["spline"]
-        if error and nothing and spline and (within := estimates["within"]):
+        error, nothing, spline = estimates.error, estimates.nothing_changes, estimates.spline
+        if error and nothing and spline and (within := estimates.within):
             lines.append(
                 f"{name:<7} mean absolute error {plus_minus(error)}° over patients; "
                 f"{nothing.mean:.2f}° if nothing changed, {spline.mean:.2f}° by the spline; "

@@ -133,8 +133,7 @@ def _row(case: Case, folder: Path, result: Result) -> CaseRow:
     if case.has_spine:
         of_errors += _carried(case, result.measures_before)
     elif case.actual_skin is not None:  # the error, had one said that nothing changes
-        unmoved, _ = agreement(case.skin, case.actual_skin)
-        of_errors += [Measured(BEFORE, "", name, value) for name, value in unmoved.items()]
+        of_errors += agreement(case.skin, case.actual_skin).measured(BEFORE)
     return CaseRow(
         folder=folder.name,
         status=summary.status,

@@ -28,17 +28,28 @@ FEWEST_CASES = 10
 GUESSES = ("predicted", "before", "spline")
 """Guesses that are compared with the actual skin: the prediction, "nothing changes", and "the spline carries the
 skin"."""
-Estimates = dict[str, Estimate | None]
-"""Means over patients by what they are of, of one range of levels:
 
-- `error`: mean absolute error of the prediction [degrees], by case and then by patient;
-- `nothing_changes`, `spline`: the same of the two other guesses;
-- `better_than_nothing`, `better_than_spline`: how much smaller the error is [degrees], above 0 where the method
-  helps;
-- `within`: share of a patient's levels whose error is below 2.5 degrees, from 0 to 1;
-- `cases_within`: share of cases whose mean error is below 2.5 degrees, which both papers ask for;
-- `in_band`: share of a patient's levels whose actual rotation lies in the prediction's 95 % interval.
-"""
+
+@dataclass(frozen=True, kw_only=True)
+class RangeEstimates:
+    """Means over patients for one range of levels."""
+
+    error: Estimate | None
+    """Mean absolute error of the prediction [degrees], by case and then by patient."""
+    nothing_changes: Estimate | None
+    """The same of the guess that nothing changes."""
+    spline: Estimate | None
+    """The same of the skin carried by the spline."""
+    better_than_nothing: Estimate | None
+    """How much smaller the error is [degrees], above 0 where the method helps."""
+    better_than_spline: Estimate | None
+    """Likewise."""
+    within: Estimate | None
+    """Share of a patient's levels whose error is below 2.5 degrees, from 0 to 1."""
+    cases_within: Estimate | None
+    """Share of cases whose mean error is below 2.5 degrees, which both papers ask for."""
+    in_band: Estimate | None
+    """Share of a patient's levels whose actual rotation lies in the prediction's 95 % interval."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +98,7 @@ class CohortSummary:
     """Cases of a patient who bends; they do not count among surgeries."""
     synthetic: int
     """Cases that a computer made."""
-    ranges: dict[str, Estimates]
+    ranges: dict[str, RangeEstimates]
     """By the ranges that the papers use."""
     lenke: dict[str, Estimate | None]
     """Mean absolute error of the prediction from T3 to L5 [degrees] by curve type, Lenke 1 to 6."""
@@ -194,7 +205,7 @@ def summarize_cohort(rows: Sequence[CaseRow]) -> CohortSummary:
     )
 
 
-def _estimates(cases: pl.DataFrame) -> Estimates:
+def _estimates(cases: pl.DataFrame) -> RangeEstimates:
     """Every estimate of a range, from the errors of its cases."""
     key = ["folder", "patient"]
     means = cases.pivot("guess", on_columns=GUESSES, index=key, values="mean")
@@ -216,7 +227,7 @@ def _estimates(cases: pl.DataFrame) -> Estimates:
         values = numbers.select("patient", name).drop_nulls()
         return over_patients(values[name].to_list(), values["patient"].to_list())
 
-    return {name: estimate(name) for name in numbers.columns[1:]}
+    return RangeEstimates(**{name: estimate(name) for name in numbers.columns[1:]})
 
 
 def _by_type(rows: Sequence[CaseRow]) -> dict[str, list[str]]:

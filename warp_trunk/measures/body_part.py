@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +16,7 @@ from warp_trunk.geometry.distance_field import nearest
 from warp_trunk.geometry.surface import Surface, area_vectors, corner_areas
 
 from .comparison import same_skin
+from .quantities import Measured
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -39,33 +40,46 @@ def swept_volumes(before: Surface, after: Surface) -> tuple[float, float]:
     return float(swept[swept > 0.0].sum()), float(-swept[swept < 0.0].sum())
 
 
-def agreement(predicted: Surface, actual: Surface) -> tuple[dict[str, float], np.ndarray]:
-    """Distance of a predicted skin from the actual one, by area; cut planes are left out.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Agreement:
+    """Distance of a predicted skin from the actual one, by area; cut planes are left out."""
 
-    Returns:
-        By name, the share of the skin nearer than `NEAR` [%], the mean distance, the distance than which 95 % of
-        the skin is nearer, and the largest distance [mm]; and the signed distance of each vertex, positive outside
-        the actual skin, NaN where it has no counterpart, shape (vertices,).
-    """
+    distance_within_2_mm_percent: float
+    """Share of the skin nearer than `NEAR`."""
+    distance_mean_mm: float
+    """Mean."""
+    distance_p95_mm: float
+    """What 95 % of the skin is nearer than."""
+    distance_maximum_mm: float
+    """Largest."""
+    signed: np.ndarray
+    """Of each vertex [mm], positive outside the actual skin, NaN without a counterpart, shape (vertices,)."""
+
+    def measured(self, state: str) -> list[Measured]:
+        """The numbers as rows of a state."""
+        return [Measured(state, "", number.name, getattr(self, number.name)) for number in fields(self)[:-1]]
+
+    def rows(self) -> list[list[str]]:
+        """The numbers as rows of a table."""
+        return [
+            [f"Skin nearer than {NEAR:g} mm [%]", f"{self.distance_within_2_mm_percent:.0f}"],
+            ["Mean distance [mm]", f"{self.distance_mean_mm:.2f}"],
+            ["95 % of the skin is nearer than [mm]", f"{self.distance_p95_mm:.2f}"],
+            ["Largest distance [mm]", f"{self.distance_maximum_mm:.2f}"],
+        ]
+
+
+def agreement(predicted: Surface, actual: Surface) -> Agreement:
+    """How a predicted skin agrees with the actual one."""
     signed, counted = same_skin(predicted, actual)
     size, area = np.abs(signed)[counted], corner_areas(predicted)[counted]
-    measured_distances = {
-        "distance_within_2_mm_percent": 100.0 * float(area[size <= NEAR].sum() / area.sum()),
-        "distance_mean_mm": float(np.average(size, weights=area)),
-        "distance_p95_mm": float(np.quantile(size, 0.95, weights=area, method="inverted_cdf")),
-        "distance_maximum_mm": float(size.max()),
-    }
-    return measured_distances, np.where(counted, signed, np.nan)
-
-
-def agreement_rows(agreed: Mapping[str, float]) -> list[list[str]]:
-    """The numbers of `agreement` as rows of a table."""
-    return [
-        [f"Skin nearer than {NEAR:g} mm [%]", f"{agreed['distance_within_2_mm_percent']:.0f}"],
-        ["Mean distance [mm]", f"{agreed['distance_mean_mm']:.2f}"],
-        ["95 % of the skin is nearer than [mm]", f"{agreed['distance_p95_mm']:.2f}"],
-        ["Largest distance [mm]", f"{agreed['distance_maximum_mm']:.2f}"],
-    ]
+    return Agreement(
+        distance_within_2_mm_percent=100.0 * float(area[size <= NEAR].sum() / area.sum()),
+        distance_mean_mm=float(np.average(size, weights=area)),
+        distance_p95_mm=float(np.quantile(size, 0.95, weights=area, method="inverted_cdf")),
+        distance_maximum_mm=float(size.max()),
+        signed=np.where(counted, signed, np.nan),
+    )
 
 
 def tissue_volume_change(trunk: TrunkMesh, displacement: np.ndarray) -> float:

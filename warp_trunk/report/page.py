@@ -16,7 +16,7 @@ from warp_trunk.engine.simulation import ON_THE_WAY
 from warp_trunk.geometry.surface import corner_areas
 from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.measures import SkinComparison
-from warp_trunk.measures.body_part import FollowedPoint, agreement_rows, profile, swept_volumes
+from warp_trunk.measures.body_part import Agreement, FollowedPoint, profile, swept_volumes
 from warp_trunk.measures.levels import JUDGED
 from warp_trunk.measures.number_text import MISSING, interval_text, number, value_text
 from warp_trunk.measures.quantities import ACTUAL, BEFORE, DETECTABLE, EXACT, PREDICTED, QUANTITIES, MeasureTable
@@ -104,7 +104,7 @@ def part_page(
     result: Result,
     poses: Sequence[TrunkState],
     drawings: Mapping[str, bytes],
-    agreed: Mapping[str, float] | None,
+    agreed: Agreement | None,
 ) -> str:
     """The text of the page of a part of the body without a spine; the arguments are those of `page`, and how far
     the prediction is from the actual skin where that is known."""
@@ -112,7 +112,7 @@ def part_page(
         "part.html",
         drawings,
         change_rows=[*change_table(poses), *profile_table(result.summary.points)],
-        error_rows=[] if agreed is None else agreement_rows(agreed),
+        error_rows=[] if agreed is None else agreed.rows(),
         **_of_run(result, poses),
     )
 

@@ -1,6 +1,7 @@
 """Pictures of trunks in a row, all at one scale, and of one trunk coloured by a number. Imports matplotlib."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib import colormaps
@@ -86,24 +87,32 @@ def shaded(
     return np.concatenate([lit, np.isfinite(seen.depth)[:, :, None]], axis=2)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Coating:
+    """Colours of the pixels of a trunk, and their scale."""
+
+    values: np.ndarray
+    """What is coloured, shape (rows, columns)."""
+    part: np.ndarray
+    """How much of the colour is mixed into the skin, 0 to 1, likewise."""
+    colours: str
+    """The palette, as matplotlib names it."""
+    norm: Normalize
+    """Takes values to the palette."""
+    label: str
+    """Of the scale."""
+    ticks: Sequence[float] | None = None
+    """Of the scale; as matplotlib sets them when left out."""
+
+
 def coloured(
-    pose: TrunkState,
-    seen: Window,
-    view: Viewpoint,
-    skin: Relief,
-    values: np.ndarray,
-    part: np.ndarray,
-    *,
-    colours: str,
-    norm: Normalize,
-    label: str,
-    ticks: Sequence[float] | None = None,
+    pose: TrunkState, seen: Window, view: Viewpoint, skin: Relief, coating: Coating
 ) -> tuple[Figure, Axes]:
-    """One trunk coloured by values of its pixels, shape (rows, columns), mixed in by `part`, with the scale."""
-    palette = colormaps[colours]
-    painted = palette(norm(np.nan_to_num(values)))[:, :, :3]
-    heading, image = pose.look.heading, shaded(skin, painted, part)
+    """One trunk with coloured pixels and the scale of the colours."""
+    palette, norm = colormaps[coating.colours], coating.norm
+    painted = palette(norm(np.nan_to_num(coating.values)))[:, :, :3]
+    heading, image = pose.look.heading, shaded(skin, painted, coating.part)
     figure, (axes, below) = panels([heading], seen.extent, view, [image], legend=0.8)
-    bar = figure.colorbar(ScalarMappable(norm, palette), cax=below, orientation="horizontal", ticks=ticks)
-    bar.ax.set_xlabel(label, fontsize=8.5)
+    bar = figure.colorbar(ScalarMappable(norm, palette), cax=below, orientation="horizontal", ticks=coating.ticks)
+    bar.ax.set_xlabel(coating.label, fontsize=8.5)
     return figure, axes

@@ -47,7 +47,7 @@ def changed_views(skin: Surface, size: np.ndarray) -> list[Viewpoint]:
 
 def write_distances(path: Path, predicted: Surface, actual: Surface) -> Path:
     """Write a picture of the distances of a predicted skin from the actual one, seen from where most is seen."""
-    _, distance = agreement(predicted, actual)
+    distance = agreement(predicted, actual).signed
     view = changed_views(predicted, np.nan_to_num(np.abs(distance)))[0]
     pose = TrunkState(
         PREDICTED, predicted, frame_of(predicted), measure(predicted, NO_LANDMARKS), MeasureTable(())

@@ -20,7 +20,7 @@ from warp_trunk.views.clothing import cloth_surfaces
 from warp_trunk.views.hump import COLOUR_STEP, SCALE_END, Painted, hump_colours, hump_palette
 from warp_trunk.views.relief import BEHIND, FRONT, Relief, Viewpoint, Window, relief, seen_from, window
 
-from .panels import CLAY, coloured, panels, shaded
+from .panels import CLAY, Coating, coloured, panels, shaded
 from .style import INK, TrunkState
 
 Wear = Literal["nothing", "shorts", "shirt"]
@@ -179,10 +179,11 @@ def stretch_picture(pose: TrunkState, change: SkinChange, view: Viewpoint) -> tu
         for values in (change.stretch, change.doubtful.astype(np.float64))
     )
     norm = BoundaryNorm(np.arange(LOOK, 1.55, STRETCH_STEP), 256, extend="max")
-    figure, axes = coloured(
-        pose, seen, view, skin, stretch, 0.9 * (np.nan_to_num(stretch) > LOOK),
-        colours="YlOrRd", norm=norm, label="length over that before", ticks=[1.25, STRETCH, 1.45],
+    coating = Coating(
+        values=stretch, part=0.9 * (np.nan_to_num(stretch) > LOOK), colours="YlOrRd", norm=norm,
+        label="length over that before", ticks=[1.25, STRETCH, 1.45],
     )  # fmt: skip
+    figure, axes = coloured(pose, seen, view, skin, coating)
     hatch(axes, seen, doubtful)
     hatch_invented([axes], [pose], [skin], seen, view)
     visible = np.zeros(len(pose.skin.vertices), bool)
@@ -210,7 +211,8 @@ def sure_picture(pose: TrunkState, skin_sd: np.ndarray | None) -> Figure | None:
     values = back.values(skin_sd)
     norm = BoundaryNorm(np.arange(max(2.0, float(np.ceil(np.nanmax(values)))) + 1.0), 256)
     part, label = 0.9 * np.isfinite(values), "standard deviation [mm]"
-    figure, axes = coloured(pose, seen, BEHIND, back, values, part, colours="YlOrBr", norm=norm, label=label)
+    coating = Coating(values=values, part=part, colours="YlOrBr", norm=norm, label=label)
+    figure, axes = coloured(pose, seen, BEHIND, back, coating)
     hatch_invented([axes], [pose], [back], seen)
     return figure
 
@@ -223,8 +225,8 @@ def values_picture(
     colours, norm = "PuOr_r" if signed else "YlOrRd", Normalize(-most if signed else 0.0, most)
     seen, (skin,) = looks([pose], view)
     shown = skin.values(values)
-    part = 1.0 * np.isfinite(shown)
-    return coloured(pose, seen, view, skin, shown, part, colours=colours, norm=norm, label=label)[0]
+    coating = Coating(values=shown, part=1.0 * np.isfinite(shown), colours=colours, norm=norm, label=label)
+    return coloured(pose, seen, view, skin, coating)[0]
 
 
 def humps_of(pose: TrunkState) -> list[Measured]:

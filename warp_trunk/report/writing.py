@@ -145,8 +145,8 @@ def _part(result: Result, folder: Path) -> str:
     figures |= {"sections": change_sections(poses, bones), "convergence": convergence_plot(result.summary)}
     agreed = None
     if result.actual_skin is not None:
-        agreed, distance = agreement(result.skin, result.actual_skin)
-        figures["error"] = skins.values_picture(poses[1], distance, views[0], "distance [mm]", signed=True)
+        agreed = agreement(result.skin, result.actual_skin)
+        figures["error"] = skins.values_picture(poses[1], agreed.signed, views[0], "distance [mm]", signed=True)
     return part_page(result, poses, _drawn(figures, folder), agreed)
 
 

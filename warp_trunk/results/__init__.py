@@ -1,11 +1,12 @@
 """A result as a folder: one table of numbers, skins, a summary. May import `bone_motion` and below."""
 
 from .result import Result, prepare_folder, read_result, write_result
-from .summarize import result_of
+from .summarize import RunAccount, result_of
 from .summary import Summary, read_summary
 
 __all__ = [
     "Result",
+    "RunAccount",
     "Summary",
     "prepare_folder",
     "read_result",

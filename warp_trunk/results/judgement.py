@@ -11,7 +11,7 @@ import numpy as np
 
 from warp_trunk.io.atomic_write import csv_text, json_text, write_whole
 from warp_trunk.measures import compare_skins, measure
-from warp_trunk.measures.body_part import agreement, agreement_rows, tissue_volume_change
+from warp_trunk.measures.body_part import agreement, tissue_volume_change
 from warp_trunk.measures.comparison import comparison_rows
 from warp_trunk.measures.quantities import ACTUAL, COLUMNS, PREDICTED, Measured, MeasureTable, measured
 from warp_trunk.measures.rows import comparison_text, measures_text
@@ -104,9 +104,9 @@ def judged(
         change = measures.skin_change_max
         text = [f"{name}: the skin" + ("" if change is None else f" moves by {change:.1f} mm")]
     if actual is not None and not landmarks.names:
-        agreed, _ = agreement(skin, actual)
-        table = table.with_rows(Measured("error", "", name, value) for name, value in agreed.items())
-        text += ["", *(f"{name}: {value}" for name, value in agreement_rows(agreed))]
+        agreed = agreement(skin, actual)
+        table = table.with_rows(agreed.measured("error"))
+        text += ["", *(f"{name}: {value}" for name, value in agreed.rows())]
     elif actual is not None:
         other = measure(actual, landmarks)
         comparison = compare_skins(skin, actual, landmarks, (measures.bsr, other.bsr))

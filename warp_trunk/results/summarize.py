@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import datetime
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,20 +42,31 @@ SCENE_STAGES = ("layers", "rest", "bands")
 """Those that only a scene with layers or gravity has, or a run with bands."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class RunAccount:
+    """What a run knows beside its increments."""
+
+    states: Mapping[str, TrunkMeasures] | None = None
+    """The measures before surgery, predicted, and of the actual skin where it is known, by the name of the state;
+    measured when left out."""
+    quality: SkinQuality | None = None
+    """How far the predicted skin is stretched and folded, likewise."""
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    """Options of the run for the summary, beside those the model knows."""
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    """Times by stage, see `STAGES`; the time of relaxation is known from the increments."""
+    warnings: Sequence[str] = ()
+    """What makes the result doubtful; faults of the predicted skin are added."""
+    intervals: FoundBands | None = None
+    """The bands of the numbers and of the skin, where they are known."""
+    released: int = 0
+    """Nodes on bone that came off at the end."""
+    recording: Path | None = None
+    """A finished recording."""
+
+
 def result_of(
-    case: Case,
-    trunk: TrunkMesh,
-    model: Model,
-    increments: Sequence[Increment],
-    *,
-    states: Mapping[str, TrunkMeasures] | None = None,
-    quality: SkinQuality | None = None,
-    parameters: Mapping[str, Any] | None = None,
-    seconds: Mapping[str, float] | None = None,
-    warnings: Sequence[str] = (),
-    intervals: FoundBands | None = None,
-    released: int = 0,
-    recording: Path | None = None,
+    case: Case, trunk: TrunkMesh, model: Model, increments: Sequence[Increment], run: RunAccount | None = None
 ) -> Result:
     """The result of a simulation that was run increment by increment.
 
@@ -63,32 +75,26 @@ def result_of(
         trunk: its mesh.
         model: its model.
         increments: everything that the engine's `simulate` yielded.
-        states: the measures before surgery, predicted, and of the actual skin where it is known, by the name of
-            the state; measured when left out.
-        quality: how far the predicted skin is stretched and folded, likewise.
-        parameters: options of the run for the summary, beside those the model knows.
-        seconds: times by stage, see `STAGES`; the time of relaxation is known from the increments.
-        warnings: what makes the result doubtful; faults of the predicted skin are added.
-        intervals: the bands of the numbers and of the skin, where they are known.
-        released: nodes on bone that came off at the end.
-        recording: a finished recording.
+        run: what the run knows besides.
 
     Raises:
         InputError: there is no increment.
     """
     if not increments:
         raise InputError("result_of: 'increments' is empty; give everything that simulate() yielded")
+    run = run or RunAccount()
+    intervals = run.intervals
     displacement, last = increments[-1].displacement, increments[-1].relaxation
     skin, planned = predicted_skin(case, trunk, displacement), case.planned_landmarks
-    states = dict(states or measured_states(case, skin))
+    states = dict(run.states or measured_states(case, skin))
     before, after = states[BEFORE], states[PREDICTED]
     table = MeasureTable.of({BEFORE: before, PREDICTED: after})
     if ACTUAL in states:
         table = table.with_rows(measured(ACTUAL, states[ACTUAL], before, of="skin"))
     if intervals is not None:
         table = table.with_intervals(intervals.rows)
-    quality = quality or skin_quality(case.skin, skin, case.landmarks_before, case.bones)
-    times = {"relax": sum(increment.seconds for increment in increments), **(seconds or {})}
+    quality = run.quality or skin_quality(case.skin, skin, case.landmarks_before, case.bones)
+    times = {"relax": sum(increment.seconds for increment in increments), **run.seconds}
     constants = dataclasses.asdict(model.tissues[0]) if len(model.tissues) == 1 else {}
 
     def motion_of(bone: str) -> RigidMotion:
@@ -103,10 +109,10 @@ def result_of(
         free_nodes=int((~trunk.prescribed).sum()),
         inverted_tets=last.inverted_tets,
         lenke=lenke_of(case),
-        released_nodes=released,
+        released_nodes=run.released,
         device=model.device,
         precision=model.precision,
-        parameters={**constants, "gravity": model.gravity, **(parameters or {})},
+        parameters={**constants, "gravity": model.gravity, **run.parameters},
         sag_mm=0.0 if model.scan is None else float(np.linalg.norm(model.scan, axis=1).max()),
         tissues=model.tissues,
         terms=model.terms,
@@ -116,7 +122,7 @@ def result_of(
         seconds={s: times.get(s) for s in (*STAGES, *SCENE_STAGES) if s in STAGES or s in times},
         peak_memory_mb=peak_memory(),
         versions=versions(),
-        warnings=(*warnings, *quality.faults),
+        warnings=(*run.warnings, *quality.faults),
         skin_quality=quality,
         bands=None if intervals is None else intervals.bands,
         springs=_springs(model, last.energy),
@@ -139,7 +145,7 @@ def result_of(
         unseen=None if case.unseen is None else case.unseen.astype(np.float64),
         effects=None if intervals is None else intervals.effects,
         plan_text=case.plan_text,
-        recording=recording,
+        recording=run.recording,
     )
 
 

@@ -83,6 +83,9 @@ class RunOptions:
     """Constants of tissue and ribs in place of those of the case, by their names in tissue.toml:
     `{"poisson_ratio": 0.4, "fat.youngs_modulus": 3.0, "ribs.reversible_part": 0.5}`."""
 
+    preset: frozenset[str] = frozenset()
+    """Options that `of_papers` or `--papers` set: one that the model does not read is passed over."""
+
     @classmethod
     def of_papers(cls) -> RunOptions:
         """The papers' options: one spline, eq. 4.6, weights by count, the scan at rest, no bending of the skin.
@@ -90,7 +93,7 @@ class RunOptions:
         >>> dataclasses.replace(wt.RunOptions.of_papers(), alpha=0.3).rest
         'scan'
         """
-        return cls(**PAPERS)
+        return cls(**PAPERS, preset=frozenset(PAPERS))
 
     def __post_init__(self) -> None:
         """Raises InputError for a gravity that no place has, a skin that none has, or an unknown constant."""
@@ -158,7 +161,7 @@ def parameters(options: RunOptions) -> dict[str, Any]:
     flat = dataclasses.asdict(options)
     simulation, mesh = flat.pop("simulation"), flat.pop("mesh")
     flat = {**({} if options.from_mesh else mesh), **simulation.pop("relax"), **simulation, **flat}
-    del flat["constants"]
+    del flat["constants"], flat["preset"]
     flat |= {
         "energy": options.energy_of_tissue,
         "skin_rigidity": options.rigidity_of_skin,

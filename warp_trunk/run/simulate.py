@@ -31,7 +31,7 @@ from warp_trunk.measures import measure
 from warp_trunk.measures.quantities import ACTUAL, BEFORE, PREDICTED, MeasureTable
 from warp_trunk.measures.skin_quality import skin_quality
 from warp_trunk.recording import Recording, load_rerun, start_viewer
-from warp_trunk.results import Result, prepare_folder, result_of, write_result
+from warp_trunk.results import Result, RunAccount, prepare_folder, result_of, write_result
 from warp_trunk.results.summary_text import markdown
 
 from .intervals import find_bands
@@ -319,11 +319,7 @@ class _Simulator:
                 recording.finish(markdown(case, prediction.last, before, after, [*warnings, *quality.faults]))
         progress.start_clock()
         seconds = clock.seconds | {"total": clock.seconds.get("load", 0.0) + time.perf_counter() - start}
-        return result_of(
-            case,
-            trunk,
-            prediction.model,
-            prediction.increments,
+        account = RunAccount(
             states={BEFORE: before, PREDICTED: after} | ({} if actual is None else {ACTUAL: actual}),
             quality=quality,
             parameters=parameters(options) | dataclasses.asdict(execution),
@@ -333,6 +329,7 @@ class _Simulator:
             released=prediction.released,
             recording=None if recording is None or recording.failed else recording.path,
         )
+        return result_of(case, trunk, prediction.model, prediction.increments, account)
 
 
 def _timed(clock: Clock) -> Observer:

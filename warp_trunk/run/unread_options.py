@@ -87,10 +87,6 @@ READERS: Mapping[str, Reader] = {
 """Options that not every scene reads, with those of [tissue] of case.toml, and its table [ribs]."""
 
 
-MOST_BESIDE_PAPERS = 2
-"""Where no more of the papers' options than this have another value, the others were chosen with `--papers`."""
-
-
 def refuse_unread(options: RunOptions, case: Case | None = None) -> None:
     """Raise InputError for the first option or constant that is set and that the model does not read.
 
@@ -115,10 +111,8 @@ def _set_options(options: RunOptions) -> Iterator[tuple[str, str]]:
     for name in options.constants:
         table, _, constant = name.rpartition(".")
         yield table if table == RIBS else constant, f"constant '{name}'" if table else _flag(name)
-    as_there = {name for name, value in PAPERS.items() if getattr(options, name) == value}
-    papers = as_there if len(as_there) > len(PAPERS) - MOST_BESIDE_PAPERS - 1 else set()
-    for name in _changed(replace(options, constants={}), RunOptions()):
-        if name not in papers:
+    for name in _changed(replace(options, constants={}, preset=frozenset()), RunOptions()):
+        if name not in options.preset or getattr(options, name) != PAPERS[name]:
             yield name, _flag(name)
 
 
