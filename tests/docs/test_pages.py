@@ -1,15 +1,20 @@
 """Pages agree with the program: links, commands, and tables of constants."""
 
 import re
+import tomllib
 from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
+from warp_trunk.case import landmarks
+from warp_trunk.case.layers import CONSTANTS, Layers
 from warp_trunk.case.rib_coupling import RANGES, RibCoupling
 from warp_trunk.case.uncertainty import Uncertainty
 from warp_trunk.cli.commands import COMMANDS
 from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.io import surface_files, volume_files, volume_writer
 from warp_trunk.measures.quantities import QUANTITIES
 
 ROOT = Path(__file__).parents[2]
@@ -79,6 +84,40 @@ def test_shares_of_the_page_are_those_of_the_program() -> None:
     for field in fields(RibCoupling):
         least, most = RANGES[field.name]
         assert table[field.name][1:3] == [f"{field.default:g}", f"{least:g} to {most:g}"]
+
+
+def test_formats_of_the_page_are_those_that_are_read_and_written() -> None:
+    lines = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8").splitlines()
+    table = {cells[1].strip(): cells[2:4] for line in lines if len(cells := line.split("|")) == 5}
+    endings = {"Gmsh": ".msh", "Abaqus INP": ".inp", "FEBio": ".feb"}
+
+    def stated(text: str) -> set[str]:
+        """Endings of the formats of a cell, up to where another command begins."""
+        names = re.split(r", | and ", re.sub(r"^`[^`]+`: |, by .*|;.*", "", text.strip()))
+        return {endings.get(name, f".{name.lower()}") for name in names}
+
+    assert stated(table["surfaces"][0]) == surface_files.ENDINGS
+    assert stated(table["surfaces"][1]) == set(surface_files.WRITTEN)
+    assert [stated(cell) for cell in table["meshes"]] == [set(volume_files.ENDINGS), set(volume_writer.ENDINGS)]
+    assert all(ending in table["landmarks"][0] for ending in landmarks.ENDINGS if ending != ".csv")
+
+
+def test_values_of_the_example_of_a_case_are_the_defaults() -> None:
+    """The header of docs/case.md, as Python reads it, gives the constants of the program."""
+    text = (ROOT / "docs" / "case.md").read_text(encoding="utf-8")
+    (example,) = [block for block in re.findall(r"```toml\n(.*?)```", text, re.DOTALL) if "[uncertainty]" in block]
+    tables = tomllib.loads(example)
+    layers = tables["layers"]
+    assert {name: layers.pop(name)["youngs_modulus"] for name in ("fat",)} == {
+        "fat": CONSTANTS["fat"]["youngs_modulus"]
+    }
+    for name, record in (
+        ("tissue", Tissue()),
+        ("layers", Layers()),
+        ("ribs", RibCoupling()),
+        ("uncertainty", Uncertainty()),
+    ):
+        assert {key: getattr(record, key) for key in tables[name]} == tables[name]
 
 
 def test_uncertainties_of_the_page_are_those_of_the_program() -> None:
