@@ -24,7 +24,7 @@ from warp_trunk.case.motions import Motion, rigid_motions
 from warp_trunk.case.points import Points
 from warp_trunk.live.planning_page import Page
 from warp_trunk.live.relaxation import LiveRelaxation
-from warp_trunk.live.sliders import MotionSliders, SpineSliders, with_handles
+from warp_trunk.live.sliders import MotionSliders, Setting, SpineSliders, with_handles
 from warp_trunk.measures.number_text import MISSING
 from warp_trunk.measures.rows import number as shown
 from warp_trunk.meshing import MeshOptions
@@ -142,7 +142,7 @@ def until(true: Callable[[], bool], visit: Visit) -> None:
 
 def correction(page: Page) -> int:
     assert page.session.view is not None
-    return page.session.view.state[f"correction {APEX}"]
+    return page.session.view.state[Setting("correction", APEX)]
 
 
 def settled(page: Page) -> bool:

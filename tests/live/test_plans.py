@@ -21,7 +21,17 @@ from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.live.number_table import WAITING, _rotation, numbers_html
 from warp_trunk.live.saved_plans import SavedPlans
 from warp_trunk.live.session import PlanView
-from warp_trunk.live.sliders import Controls, MotionSliders, SpineSliders, first_state, with_handles
+from warp_trunk.live.sliders import (
+    KYPHOSIS,
+    LIV,
+    UIV,
+    Controls,
+    MotionSliders,
+    Setting,
+    SpineSliders,
+    first_state,
+    with_handles,
+)
 from warp_trunk.measures import measure
 from warp_trunk.measures.number_text import MISSING
 from warp_trunk.measures.quantities import Measured, MeasureTable
@@ -168,20 +178,20 @@ def test_intervals_have_a_column_and_hide_what_is_wider_than_it_says() -> None:
 
 REST = SpineSliders(CASE)
 MAJOR = max(cobb_angles(CASE.landmarks_before), key=lambda curve: curve.angle)
-CORRECTION, DEROTATION = f"correction {MAJOR.apex}", f"derotation {MAJOR.apex}"
+CORRECTION, DEROTATION = Setting("correction", MAJOR.apex), Setting("derotation", MAJOR.apex)
 TURN = Turn(degrees=5.0, axis=(0.0, 0.0, 2.0), point=(0.0, -45.0, 100.0))
 MOTIONS = {"front": Motion(translation=(0.0, -4.0, 0.0), rotation=TURN), "left": Motion(follows={"front": 0.5})}
 
 
 def test_sliders_at_rest_move_nothing() -> None:
     state = first_state(REST)
-    assert (state["uiv"], state["liv"]) == (MAJOR.upper, MAJOR.lower)
+    assert (state[UIV], state[LIV]) == (MAJOR.upper, MAJOR.lower)
     surgery = REST.surgery(state)
     assert surgery.landmarks_after is surgery.landmarks_before
 
 
 def test_a_slider_is_the_share_of_its_curve() -> None:
-    surgery = REST.surgery({**first_state(REST), CORRECTION: 50, "kyphosis": 30})
+    surgery = REST.surgery({**first_state(REST), CORRECTION: 50, KYPHOSIS: 30})
     curve = next(curve for curve in surgery.curves if curve.before == MAJOR)
     assert curve.cobb_after == pytest.approx(MAJOR.angle / 2.0, abs=0.1)
     assert surgery_record(surgery)["spine"]["Kyphosis T5 to T12"][1] == pytest.approx(30.0, abs=0.1)
@@ -189,24 +199,24 @@ def test_a_slider_is_the_share_of_its_curve() -> None:
 
 
 def test_the_kyphosis_has_plausible_ends_that_hold_the_patients_own() -> None:
-    least, most, _ = REST.controls["kyphosis"].span
-    assert least <= REST.controls["kyphosis"].first <= most
-    assert (least, most) == (min(10, REST.controls["kyphosis"].first), 50)
-    asked = SpineSliders(CASE, Plan(uiv="T3", liv="L2", kyphosis_T5_T12=58.0)).controls["kyphosis"]
+    least, most, _ = REST.controls[KYPHOSIS].span
+    assert least <= REST.controls[KYPHOSIS].first <= most
+    assert (least, most) == (min(10, REST.controls[KYPHOSIS].first), 50)
+    asked = SpineSliders(CASE, Plan(uiv="T3", liv="L2", kyphosis_T5_T12=58.0)).controls[KYPHOSIS]
     assert asked.span[:2] == (least, 58)
 
 
 def test_undo_returns_to_before_a_drag_however_it_pauses(monkeypatch: pytest.MonkeyPatch) -> None:
     now, asked = [0.0], list[Any]()
     monkeypatch.setattr("warp_trunk.live.sliders.time.monotonic", lambda: now[0])
-    gui, name = Gui(), f"correction {MAJOR.apex}"
+    gui, name = Gui(), CORRECTION
     controls = Controls(cast(Any, gui), REST, asked.append)
     slider = controls._handles[name]
     for seconds, value in ((10.0, 10), (10.1, 20), (11.2, 30), (11.3, 40)):  # the hand stops for a second
         now[0] = seconds
         slider.set(value)
     assert asked[-1][name] == 40
-    controls._handles["kyphosis"].set(31)  # another slider: a step of its own
+    controls._handles[KYPHOSIS].set(31)  # another slider: a step of its own
     controls.undo()
     assert asked[-1] == {**first_state(REST), name: 40}
     controls.undo()
@@ -247,7 +257,7 @@ class Gui:
 
 
 def test_a_curve_outside_the_fusion_is_not_planned_and_has_no_effect() -> None:
-    state = {**first_state(REST), "uiv": "L1", "liv": "L4", CORRECTION: 50}
+    state = {**first_state(REST), UIV: "L1", LIV: "L4", CORRECTION: 50}
     assert REST.plan(state).curves == ()
     assert {CORRECTION, DEROTATION} <= REST.without_effect(state)
     assert not {CORRECTION, DEROTATION} & REST.without_effect(first_state(REST))
@@ -266,11 +276,11 @@ def test_sliders_begin_where_a_plan_is() -> None:
     turned = abs(axial_rotation(spine_of(before), asis_axis(before))[MAJOR.apex] or 0.0)
     curve = CurvePlan(apex=MAJOR.apex, cobb_after=MAJOR.angle * 0.35, rotation_after=turned * 0.6)
     state = first_state(SpineSliders(CASE, Plan(uiv="T3", liv="L2", curves=(curve,), kyphosis_T5_T12=31.4)))
-    assert (state[CORRECTION], state[DEROTATION], state["kyphosis"]) == (65, 40, 31)
+    assert (state[CORRECTION], state[DEROTATION], state[KYPHOSIS]) == (65, 40, 31)
     beside = CurvePlan(apex=MAJOR.upper, correction=0.5)  # another level of the curve
     asked = first_state(SpineSliders(CASE, Plan(uiv="T3", liv="L2", curves=(beside,))))
     assert (asked[CORRECTION], asked[DEROTATION]) == (50, 0)
-    assert asked["kyphosis"] == first_state(REST)["kyphosis"]
+    assert asked[KYPHOSIS] == first_state(REST)[KYPHOSIS]
 
 
 def test_sliders_stand_where_the_motions_of_the_case_are() -> None:
@@ -279,8 +289,10 @@ def test_sliders_stand_where_the_motions_of_the_case_are() -> None:
     case = part_case(**MOTIONS, right=Motion(transform=rows, large=True))
     sliders = MotionSliders(case)
     state = first_state(sliders)
-    assert [state[f"front {label}"] for label in ("Pitch °", "Roll °", "Yaw °")] == pytest.approx([0.0, 0.0, 5.0])
-    assert state["left front"] == 50.0
+    assert [state[Setting(label, "front")] for label in ("Pitch °", "Roll °", "Yaw °")] == pytest.approx(
+        [0.0, 0.0, 5.0]
+    )
+    assert state[Setting("front", "left")] == 50.0
     assert sliders.motions(state)["right"].large
     of_case, of_sliders = rigid_motions(case.motions), rigid_motions(sliders.motions(state))
     for bone, motion in of_case.items():
@@ -293,11 +305,11 @@ def test_sliders_of_motions_at_zero_move_nothing_and_no_bone_passes_into_another
     still = dict.fromkeys(first_state(sliders), 0.0)
     assert not any(motion.moves for motion in motions_of(sliders.surgery(still).planned_case(case)).values())
     with pytest.raises(InputError, match=r"'front' passes .* into 'core'"):
-        sliders.surgery({**still, "front Back mm": 35.0})
+        sliders.surgery({**still, Setting("Back mm", "front"): 35.0})
 
 
 def test_levels_in_the_wrong_order_are_refused_in_the_words_of_the_page() -> None:
-    state = {**first_state(REST), "uiv": "T12", "liv": "T5"}
+    state = {**first_state(REST), UIV: "T12", LIV: "T5"}
     with pytest.raises(
         InputError, match="the upper vertebra must lie above the lower one, but T12 is not above T5"
     ):

@@ -22,7 +22,17 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.live import relaxation
 from warp_trunk.live.relaxation import Interrupted, LiveRelaxation, Relaxed
 from warp_trunk.live.session import Latest, PlanView, Session
-from warp_trunk.live.sliders import MotionSliders, Sliders, SliderState, SpineSliders, first_state, with_handles
+from warp_trunk.live.sliders import (
+    LIV,
+    UIV,
+    MotionSliders,
+    Setting,
+    Sliders,
+    SliderState,
+    SpineSliders,
+    first_state,
+    with_handles,
+)
 from warp_trunk.measures import measure
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.run.intervals import find_bands
@@ -60,7 +70,7 @@ class Heard(Session):
         return self.view
 
     def corrected(self, share: int) -> SliderState:
-        return {**first_state(self.sliders), f"correction {APEX}": share}
+        return {**first_state(self.sliders), Setting("correction", APEX): share}
 
 
 @pytest.fixture(scope="module")
@@ -114,9 +124,9 @@ def test_the_end_of_motions_is_that_of_a_simulation_and_a_collision_is_refused()
     with Heard(patient_of(handled, options, execution=execution), MotionSliders(handled)) as session:
         state = first_state(session.sliders)
         session.settled(state)
-        session.ask({**state, "front Back mm": 35.0})
+        session.ask({**state, Setting("Back mm", "front"): 35.0})
         session.until(lambda: session.refusal.startswith("'front' passes"))
-        view = session.settled({**state, "front Back mm": -7.0, "front Up mm": 1.0})
+        view = session.settled({**state, Setting("Back mm", "front"): -7.0, Setting("Up mm", "front"): 1.0})
     check_end(view, patient_of(case, options, execution=execution))
     assert session.faults == []
 
@@ -171,7 +181,7 @@ def test_a_newer_wish_ends_a_relaxation_that_takes_long(
 def test_an_impossible_wish_is_reported_and_the_next_one_clears_it(patient: PreparedPatient) -> None:
     with Heard(patient) as session:
         session.settled(session.corrected(30))
-        session.ask({**session.corrected(100), "uiv": "L4", "liv": "T4"})
+        session.ask({**session.corrected(100), UIV: "L4", LIV: "T4"})
         session.until(lambda: session.refusal)
         assert session.refusal.startswith(
             "the upper vertebra must lie above the lower one, but L4 is not above T4"

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import viser
@@ -28,9 +28,21 @@ from warp_trunk.spine.apical import axial_rotation
 from warp_trunk.spine.cobb import kyphosis
 from warp_trunk.spine.spine import asis_axis, spine_of
 
-SliderState = Mapping[str, Any]
-"""Where the controls of a patient stand: the value of each by its name."""
-KYPHOSIS = (10, 50, 1)
+
+class Setting(NamedTuple):
+    """What a control sets."""
+
+    quantity: str
+    """uiv, liv, kyphosis, correction or derotation; of a bone a component of its motion, or what it follows."""
+    of: str = ""
+    """The apex of the curve, or the bone."""
+
+
+SliderState = Mapping[Setting, Any]
+"""Where the controls of a patient stand."""
+UIV, LIV, KYPHOSIS = Setting("uiv"), Setting("liv"), Setting("kyphosis")
+SHARES = ("correction", "derotation")
+KYPHOSIS_RANGE = (10, 50, 1)
 """Range of the kyphosis T5-T12 after surgery [degrees]: 20 to 40 is normal. The patient's own, and that of the
 first plan, are always in it."""
 REACH = 20
@@ -150,18 +162,18 @@ class SpineSliders:
         self._rotation = axial_rotation(spine, asis_axis(before))
         largest = max(self._curves.values(), key=lambda curve: curve.angle, default=None)
         uiv, liv = (self._levels[0], self._levels[-1]) if largest is None else (largest.upper, largest.lower)
-        shares: dict[str, int] = {}
+        shares: dict[Setting, int] = {}
         if base is not None:
             uiv, liv, shares = base.uiv, base.liv, self._shares(base)
-        self.controls = {
-            "uiv": Control("Fusion", "Upper vertebra", uiv, choices=self._levels),
-            "liv": Control("Fusion", "Lower vertebra", liv, choices=self._levels),
+        self.controls: dict[Setting, Control] = {
+            UIV: Control("Fusion", "Upper vertebra", uiv, choices=self._levels),
+            LIV: Control("Fusion", "Lower vertebra", liv, choices=self._levels),
         }
-        """The controls by name."""
+        """The controls by what they set."""
         for apex, curve in self._curves.items():
             folder = f"Curve {curve.upper}-{curve.lower}, {curve.convex}, {curve.angle:.0f}°"
             for name, angle in (("correction", "Cobb angle"), ("derotation", f"axial rotation of {apex}")):
-                key, hint = f"{name} {apex}", f"Share of the {angle} that surgery takes away"
+                key, hint = Setting(name, apex), f"Share of the {angle} that surgery takes away"
                 label = f"{name.capitalize()} %"
                 self.controls[key] = Control(folder, label, shares.get(key, 0), hint=hint)
         now, asked = kyphosis(spine)["T5-T12"], None if base is None else base.kyphosis_T5_T12
@@ -169,9 +181,9 @@ class SpineSliders:
             self._still = round(now)
             hint = f"Before surgery {now:.0f}°, which is kept where the slider stands there"
             first = self._still if asked is None else round(asked)
-            least, most, step = KYPHOSIS
+            least, most, step = KYPHOSIS_RANGE
             span = (min(least, self._still, first), max(most, self._still, first), step)
-            self.controls["kyphosis"] = Control("Kyphosis", "T5-T12 °", first, span, hint=hint)
+            self.controls[KYPHOSIS] = Control("Kyphosis", "T5-T12 °", first, span, hint=hint)
 
     def plan(self, state: SliderState) -> Plan:
         """The plan of the controls; what they do not say is that of the first plan.
@@ -182,7 +194,7 @@ class SpineSliders:
         Raises:
             InputError: levels in the wrong order, or a number that no slider has.
         """
-        ends = {"uiv": state["uiv"], "liv": state["liv"]}
+        ends = {"uiv": state[UIV], "liv": state[LIV]}
         if rank(ends["uiv"]) >= rank(ends["liv"]):  # in the words of the page
             raise InputError(
                 f"the upper vertebra must lie above the lower one, but {ends['uiv']} is not above {ends['liv']}; "
@@ -192,12 +204,12 @@ class SpineSliders:
         curves = []
         for apex in self._curves:
             if rank(plan.uiv) <= rank(apex) <= rank(plan.liv):
-                correction, derotation = (state[f"{name} {apex}"] / 100.0 for name in ("correction", "derotation"))
+                correction, derotation = (state[Setting(name, apex)] / 100.0 for name in SHARES)
                 curves.append(CurvePlan(apex, correction=correction, derotation=derotation or None))
-        unchanged = "kyphosis" not in state or state["kyphosis"] == self._still
+        unchanged = KYPHOSIS not in state or state[KYPHOSIS] == self._still
         if unchanged and not any(curve.correction or curve.derotation for curve in curves):
             return plan
-        return replace(plan, curves=curves, kyphosis_T5_T12=None if unchanged else float(state["kyphosis"]))
+        return replace(plan, curves=curves, kyphosis_T5_T12=None if unchanged else float(state[KYPHOSIS]))
 
     def surgery(self, state: SliderState) -> PlannedSurgery:
         """The surgery that the controls ask for; InputError if the spine cannot meet it."""
@@ -227,21 +239,24 @@ class SpineSliders:
             refusal = refusal.replace(name, words)
         return refusal
 
-    def without_effect(self, state: SliderState) -> set[str]:
+    def without_effect(self, state: SliderState) -> set[Setting]:
         """The controls of curves outside the fusion, which follow by themselves."""
-        uiv, liv = rank(state["uiv"]), rank(state["liv"])
+        uiv, liv = rank(state[UIV]), rank(state[LIV])
         outside = [apex for apex in self._curves if not uiv <= rank(apex) <= liv]
-        return {f"{name} {apex}" for apex in outside for name in ("correction", "derotation")}
+        return {Setting(name, apex) for apex in outside for name in SHARES}
 
-    def _shares(self, plan: Plan) -> dict[str, int]:
+    def _shares(self, plan: Plan) -> dict[Setting, int]:
         """The values of the sliders of each curve that a plan names by any of its levels."""
-        shares: dict[str, int] = {}
+        shares: dict[Setting, int] = {}
         for asked in plan.curves:
             curve = curve_around(asked.apex, self._curves.values(), self._levels)
             if curve is not None:
                 turned = abs(self._rotation[curve.apex] or 0.0)
-                shares[f"correction {curve.apex}"] = _percent(asked.correction, asked.cobb_after, curve.angle)
-                shares[f"derotation {curve.apex}"] = _percent(asked.derotation, asked.rotation_after, turned)
+                values = (
+                    _percent(asked.correction, asked.cobb_after, curve.angle),
+                    _percent(asked.derotation, asked.rotation_after, turned),
+                )
+                shares |= {Setting(name, curve.apex): value for name, value in zip(SHARES, values, strict=True)}
         return shares
 
 
@@ -262,12 +277,12 @@ class MotionSliders:
         self._case, moved = case, rigid_motions(case.motions)
         self._skeleton = Skeleton(case.bones, case.landmarks_before)
         self._points: dict[str, tuple[float, float, float]] = {}
-        self.controls: dict[str, Control] = {}
-        """The controls by name."""
+        self.controls: dict[Setting, Control] = {}
+        """The controls by what they set."""
         for bone, motion in case.motions.items():
             for other, share in (motion.follows or {}).items():
                 first = round(100.0 * share, 1)
-                self.controls[f"{bone} {other}"] = Control(bone, f"Follows {other} %", first, (0, 100, 0.1))
+                self.controls[Setting(other, bone)] = Control(bone, f"Follows {other} %", first, (0, 100, 0.1))
             if motion.follows is None:
                 turn, own = motion.rotation, moved[bone]
                 point = case.bones[bone].vertices.mean(axis=0) if turn is None else np.array(turn.point)
@@ -276,7 +291,7 @@ class MotionSliders:
                 values = [*(own.apply(point) - point), *np.degrees(own.log()[:3])]
                 for label, value in zip(COMPONENTS, np.round(values, 9).tolist(), strict=True):
                     most = max(REACH, math.ceil(2.0 * abs(value)))
-                    self.controls[f"{bone} {label}"] = Control(bone, label, value, (-most, most, 0.1))
+                    self.controls[Setting(label, bone)] = Control(bone, label, value, (-most, most, 0.1))
 
     def motions(self, state: SliderState) -> dict[str, Motion]:
         """The motions that the controls describe, by bone."""
@@ -284,10 +299,10 @@ class MotionSliders:
 
     def _motion(self, bone: str, asked: Motion, state: SliderState) -> Motion:
         if asked.follows is not None:
-            shares = {other: state[f"{bone} {other}"] / 100.0 for other in asked.follows}
+            shares = {other: state[Setting(other, bone)] / 100.0 for other in asked.follows}
             shares = {other: share for other, share in shares.items() if share > 0.0}
             return Motion(follows=shares) if shares else _STILL
-        x, y, z, *rotation = (state[f"{bone} {label}"] for label in COMPONENTS)
+        x, y, z, *rotation = (state[Setting(label, bone)] for label in COMPONENTS)
         degrees = float(np.linalg.norm(rotation))
         if not (degrees or x or y or z):
             return _STILL
@@ -299,7 +314,7 @@ class MotionSliders:
         """Where the controls take the bones; InputError if they cannot move like this."""
         return plan_motions(self._case, self.motions(state), self._skeleton)
 
-    def without_effect(self, _: SliderState) -> set[str]:
+    def without_effect(self, _: SliderState) -> set[Setting]:
         """None of the controls."""
         return set()
 
@@ -326,8 +341,8 @@ class Controls:
         self._sliders, self._changed = sliders, changed
         self._lock, self._setting = threading.RLock(), False
         self._state, self._past, self._last = first_state(sliders), list[SliderState](), 0.0
-        self._dragged = set[str]()
-        self._handles: dict[str, Any] = {}
+        self._dragged = set[Setting]()
+        self._handles: dict[Setting, Any] = {}
         for folder, group in groupby(sliders.controls.items(), key=lambda item: item[1].folder):
             with gui.add_folder(folder):
                 for name, control in group:
