@@ -97,9 +97,9 @@ def wrong_arguments() -> list[Any]:
 
 @pytest.mark.parametrize(("name", "argument", "value"), wrong_arguments())
 def test_an_argument_of_another_type_is_named(name: str, argument: str, value: object) -> None:
-    given = {**(GOOD | RECORDS)[name], argument: value}
+    arguments = {**(GOOD | RECORDS)[name], argument: value}
     with pytest.raises(InputError) as error:
-        getattr(wt, name)(**given)
+        getattr(wt, name)(**arguments)
     line = str(error.value)
     assert f"'{argument}'" in line, line
     assert "\n" not in line
@@ -236,12 +236,12 @@ def test_a_place_that_cannot_be_written_is_named(write: str, name: str, tmp_path
     for folder in ("folder", "folder.ply"):
         (tmp_path / folder).mkdir()
     (tmp_path / "file").touch()
-    given = list(GOOD[write].values())
+    arguments = list(GOOD[write].values())
     with refuses(begins=tmp_path / name):
-        getattr(wt, write)(tmp_path / name, given[1])
+        getattr(wt, write)(tmp_path / name, arguments[1])
     if write != "write_case":
         with pytest.raises(MissingFileError):
-            getattr(wt, write)(tmp_path / "none" / "skin.ply", given[1])
+            getattr(wt, write)(tmp_path / "none" / "skin.ply", arguments[1])
 
 
 def test_lists_become_arrays_of_the_stated_numbers() -> None:

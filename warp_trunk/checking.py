@@ -148,7 +148,7 @@ def _shown(value: object) -> str:
 
 @cache
 def _hints_of(of: Any) -> dict[str, Any]:
-    """What the annotations of a function or a class allow, by name."""
+    """The types that the annotations of a function or a class allow, by name."""
     hints = get_type_hints(of, include_extras=True)
     return {name: hint for name, hint in hints.items() if name not in ("return", "_") and not _is_of_class(hint)}
 
@@ -232,7 +232,7 @@ def _outer(kind: Any) -> Any:
 
 
 def _words(kinds: Sequence[Any]) -> str:
-    """What values of some types are called."""
+    """The names of some types in a message."""
     outer = [_outer(kind) for kind in kinds if _outer(kind) not in (None, NoneType)]
     if str in outer and Path in outer:
         outer = [kind for kind in outer if kind is not str]

@@ -64,7 +64,7 @@ class RelaxStatus(StrEnum):
     """Why a relaxation ended: a name, which files keep, with its sentence for the user."""
 
     sentence: str
-    """What it says, without its end."""
+    """A sentence without its end."""
 
     CONVERGED = "CONVERGED", "the distance to equilibrium is below the tolerance"
     NEAR = (

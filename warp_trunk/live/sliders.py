@@ -30,7 +30,7 @@ from warp_trunk.spine.spine import asis_axis, spine_of
 
 
 class Setting(NamedTuple):
-    """What a control sets."""
+    """The quantity that a control sets."""
 
     quantity: str
     """uiv, liv, kyphosis, correction or derotation; of a bone a component of its motion, or what it follows."""

@@ -49,7 +49,7 @@ class Agreement:
     distance_mean_mm: float
     """Mean."""
     distance_p95_mm: float
-    """What 95 % of the skin is nearer than."""
+    """The distance than which 95 % of the skin is nearer."""
     distance_maximum_mm: float
     """Largest."""
     signed: np.ndarray

@@ -92,7 +92,7 @@ class Coating:
     """Colours of the pixels of a trunk, and their scale."""
 
     values: np.ndarray
-    """What is coloured, shape (rows, columns)."""
+    """Numbers of the pixels, shape (rows, columns)."""
     part: np.ndarray
     """How much of the colour is mixed into the skin, 0 to 1, likewise."""
     colours: str

@@ -44,7 +44,7 @@ SCENE_STAGES = ("layers", "rest", "bands")
 
 @dataclass(frozen=True, kw_only=True)
 class RunAccount:
-    """What a run knows beside its increments."""
+    """Knowledge of a run beside its increments."""
 
     states: Mapping[str, TrunkMeasures] | None = None
     """The measures before surgery, predicted, and of the actual skin where it is known, by the name of the state;
@@ -56,7 +56,7 @@ class RunAccount:
     seconds: Mapping[str, float] = field(default_factory=dict)
     """Times by stage, see `STAGES`; the time of relaxation is known from the increments."""
     warnings: Sequence[str] = ()
-    """What makes the result doubtful; faults of the predicted skin are added."""
+    """Doubts of the result; faults of the predicted skin are added."""
     intervals: FoundBands | None = None
     """The bands of the numbers and of the skin, where they are known."""
     released: int = 0

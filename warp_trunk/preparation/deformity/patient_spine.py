@@ -30,7 +30,7 @@ class PatientSpine:
     """
 
     kind: Literal["line", "pedicles", "landmarks"]
-    """What was given."""
+    """The form of the data."""
     line: Annotated[np.ndarray, Array(None, 3)]
     """Through the middles of the vertebral bodies from top to bottom [mm], shape (n, 3)."""
     levels: tuple[str, ...] = ()
