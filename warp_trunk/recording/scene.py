@@ -45,7 +45,7 @@ class Scene:
         self._bone_nodes, bone_faces = np.unique(trunk.bone_faces, return_inverse=True)
         self._bone_faces = bone_faces.reshape(-1, 3).astype(np.uint32)
         self._worn: dict[str, Garment] = {}
-        plan = plan_in(case.plan)
+        plan = plan_in(case.plan_text)
         self._levels = [*case.landmarks_before.vertebrae()] if case.has_spine else []
         self._fused = () if plan is None else fused_levels(plan)
         self._fused_bones = [row for row, name in enumerate(trunk.bone_names) if name in self._fused]

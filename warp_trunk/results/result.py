@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from warp_trunk.bone_motion.plan import Plan
-from warp_trunk.bone_motion.plan.plan_file import plan_of_text
+from warp_trunk.bone_motion.plan import Plan, plan_in
 from warp_trunk.case.folders import refuse_case
 from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks, read_landmarks, write_landmarks
 from warp_trunk.checking import checked
@@ -132,7 +131,7 @@ class Result:
     @property
     def plan(self) -> Plan | None:
         """The plan that made it; None where none did."""
-        return None if self.plan_text is None else plan_of_text(self.plan_text, Path(PLAN))
+        return plan_in(self.plan_text)
 
     @property
     def bands(self) -> tuple[Measured, ...]:

@@ -50,8 +50,8 @@ def plan_of_text(text: str, path: Path) -> Plan:
 
 
 def plan_in(text: str | None) -> Plan | None:
-    """The plan that made landmarks after surgery, of its text; None where none did, or motions in its place."""
-    return plan_of_text(text, Path(PLAN)) if text is not None and "uiv" in text else None
+    """The plan that made landmarks after surgery, of its text; None where none did."""
+    return None if text is None else plan_of_text(text, Path(PLAN))
 
 
 def curve_of_text(text: str) -> CurvePlan:
