@@ -23,6 +23,7 @@ from warp_trunk.live import relaxation
 from warp_trunk.live.relaxation import Interrupted, LiveRelaxation, Relaxed
 from warp_trunk.live.session import Latest, PlanView, Session
 from warp_trunk.live.sliders import (
+    KYPHOSIS,
     LIV,
     UIV,
     MotionSliders,
@@ -224,7 +225,7 @@ def test_a_wish_far_away_is_predicted_as_simulate_does_and_says_so(monkeypatch: 
     patient = small_patient()
     tissue = LiveRelaxation(patient)
     planned = SpineSliders(patient.case).surgery(
-        {**first_state(SpineSliders(patient.case)), f"correction {APEX}": 60}
+        {**first_state(SpineSliders(patient.case)), Setting("correction", APEX): 60}
     )
     case = planned.planned_case(patient.case)
     tissue.go(case)
@@ -264,7 +265,7 @@ def test_a_plan_that_is_relaxed_to_the_end_warns_as_a_simulation_does(
     monkeypatch.setattr("warp_trunk.measures.skin_quality.STRETCH", 1.0)
     monkeypatch.setattr("warp_trunk.measures.skin_quality.AREA", 0.0)
     with Heard(patient) as session:
-        view = session.settled({**session.corrected(20), "kyphosis": 50})
+        view = session.settled({**session.corrected(20), KYPHOSIS: 50})
     assert [w for w in view.warnings if w.startswith("Kyphosis T5 to T12: ends at 50 degrees, 10 to 40 is normal")]
     assert [w for w in view.warnings if w.startswith("The predicted skin is stretched to more than")]
 

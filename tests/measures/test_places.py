@@ -93,7 +93,7 @@ def test_a_cohort_of_equal_skins_has_errors_of_zero() -> None:
     summary = summarize_cohort([case(f"P{n}", before, after, after) for n, (before, after) in enumerate(backs)])
     hump = not_none(summary.hump)
     assert (hump.error.mean, hump.agreement.bias, hump.agreement.low) == (0.0, 0.0, 0.0)
-    assert {not_none(errors["error"]).mean for errors in summary.ranges.values()} == {0.0}
+    assert {not_none(errors.error).mean for errors in summary.ranges.values()} == {0.0}
 
 
 def test_the_hump_of_a_cohort_is_judged_at_one_place() -> None:
