@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from support.known_patient import AFTER, BEFORE, known_case, known_increments
+from support.report_results import small_bands
 from support.small_trunk import made_up_increments, small_case
 from warp_trunk.bone_motion.plan import Plan
 from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks
@@ -189,7 +190,7 @@ def test_every_measure_comes_back_from_the_folder(tmp_path, seen):
     model = build_model(
         mesh, gravity=0.0, device="cpu", precision="float64", threads=1, energy="itmsm", skin_rigidity=0.0
     )
-    result = result_of(case, mesh, model, known_increments(displacement, mesh), seconds={"total": 1.0})
+    result = result_of(case, mesh, model, known_increments(displacement, mesh), RunAccount(seconds={"total": 1.0}))
     result.save(tmp_path)
     back = read_result(tmp_path)
     for made, read in ((result.measures_before, back.measures_before), (result.measures, back.measures)):
@@ -260,3 +261,14 @@ def test_points_that_are_followed_have_their_way_and_share(simulated, tmp_path):
         f"tip (skin) moves by {way:.1f} mm, {tip.ratio:.2f} of the way of bone",
         f"bone ({bone.on}) moves by {bone.distance:.1f} mm",
     ]
+
+
+def test_bands_are_the_predicted_numbers_with_intervals_and_the_status_is_one(simulated):
+    plain = result_of(*simulated)
+    result = result_of(*simulated, run=RunAccount(intervals=small_bands(len(simulated[0].skin.vertices))))
+    assert plain.bands == ()
+    assert {(row.level, row.quantity) for row in result.bands} >= {("T8", "bsr_deg"), ("T4", "hump_mm")}
+    assert {row.state for row in result.bands} == {"predicted"}
+    assert all(row.low < row.high for row in result.bands)
+    assert result.status is result.summary.status is RelaxStatus.CONVERGED
+    assert json.loads(json.dumps({"status": result.status})) == {"status": "CONVERGED"}
