@@ -136,7 +136,7 @@ def _row(case: Case, folder: Path, result: Result) -> CaseRow:
         of_errors += agreement(case.skin, case.actual_skin).measured(BEFORE)
     return CaseRow(
         folder=folder.name,
-        status=summary.status,
+        status=summary.status.name,
         case=case.name,
         patient=study.patient or folder.name,
         pose=study.pose,
