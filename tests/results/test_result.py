@@ -252,7 +252,7 @@ def test_points_that_are_followed_have_their_way_and_share(simulated, tmp_path):
     at = case.skin.vertices[0]
     marks = Landmarks(("tip", "bone"), np.array([at, case.bones["T10"].vertices[0]]))
     followed = replace(case, points=Points(marks, {"tip": "bone"}))
-    result = result_of(followed, trunk, model, increments[-1:], seconds={"total": 1.0})
+    result = result_of(followed, trunk, model, increments[-1:], RunAccount(seconds={"total": 1.0}))
     result.save(tmp_path)
     lines = [line for line in plain(read_result(tmp_path)).splitlines() if " moves by " in line]
     tip, bone = result.summary.points

@@ -51,7 +51,7 @@ CHANGES: dict[str, list[Any]] = {
     "uncertainty": changed(Uncertainty()),
     "study": [replace(CASE.study, patient="P9"), replace(CASE.study, pose="bending"),
               replace(CASE.study, months_after=3.0), replace(CASE.study, synthetic=not CASE.study.synthetic)],
-    "plan": ["uiv = 'T4'"],
+    "plan_text": ["uiv = 'T4'"],
     "posture": ["supine"],
     "invented": [Invented(), Invented(share=0.4)],
     "unseen": [np.ones(len(CASE.skin.vertices), dtype=bool)],
@@ -68,7 +68,7 @@ RUN: dict[str, Any] = {
     "energy": "itmsm", "weights": "volume", "skin_rigidity": 0.1, "precision": "float64", "gravity": 9.81,
     "alpha": 0.1, "rest": "scan", "layers": "depth", "bones": "spline", "bands": True, "from_mesh": Path("a.vtu"),
 }  # fmt: skip
-RUN_ELSEWHERE = {"constants": "in the tissue of the case"}
+RUN_ELSEWHERE = {"constants": "in the tissue of the case", "preset": "says what is refused, and changes no number"}
 EXECUTION: dict[str, Any] = {"device": "cuda:0", "threads": 2}
 EXECUTION_WITHOUT = {"cache", "record", "view", "yes"}
 """They change no number."""

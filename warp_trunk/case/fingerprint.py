@@ -41,7 +41,7 @@ def fingerprint_of(case: Case) -> Fingerprint:
              "points": case.points.marks}  # fmt: skip
     inputs |= {name: points and digest("\n".join(points.names), points.points) for name, points in marks.items()}
     inputs |= {"case": case.name, "motions": motions_text(case.motions), "pairs of points": case.points.pairs}
-    inputs |= {name: getattr(case, name) for name in ("plan", "posture", "notes")}
+    inputs |= {"plan": case.plan_text, "posture": case.posture, "notes": case.notes}
     inputs["actual_skin"] = None if case.actual_skin is None else surface_digest(case.actual_skin)
     inputs["unseen"] = None if case.unseen is None else digest(case.unseen)
     for name in ("rib_coupling", "study", "uncertainty", "invented"):
