@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +20,7 @@ WRITTEN = (".ply", ".stl", ".obj", ".off", ".glb")
 
 
 @checked
-def write_surface(path: str | Path, surface: Surface, space: Literal["LPS", "RAS"] | None = "LPS") -> None:
+def write_surface(path: str | Path, surface: Surface, space: str | None = "LPS") -> None:
     """Write a surface in the format of the name's ending, vertices in their order; the write is atomic.
 
     The header says SPACE=LPS, as 3D Slicer writes and reads it, or another `space`, or nothing where it is None.
@@ -33,6 +33,8 @@ def write_surface(path: str | Path, surface: Surface, space: Literal["LPS", "RAS
     Raises InputError for an ending that is not in `WRITTEN`, and OSError when the file cannot be written.
     """
     path = Path(path)
+    if space not in (None, "LPS", "RAS"):
+        raise InputError(f"write_surface: 'space' must be LPS or RAS, not {space!r}; give one of them")
     check_written(path)
     check_surface(surface, f"{path}: 'surface'")
     unfinished = path.with_name(f".{path.name}.partial")  # hidden, so that it is never read as a bone
