@@ -17,6 +17,7 @@ from warp_trunk.engine.linear import BlockMatrix, ConjugateGradient
 from warp_trunk.engine.multigrid import Multigrid
 from warp_trunk.engine.node_groups import MEMBERS, STIFF, NodeGroups, tie
 from warp_trunk.engine.state import State
+from warp_trunk.engine.work import Work
 
 LOAD_FACTORS = (0.1, 0.5, 1.0)
 """Parts of the correction whose gradients are solved for."""
@@ -139,3 +140,17 @@ def test_groups_of_tied_nodes_are_inverted_as_a_whole() -> None:
     corrections, members = groups.arrays.correction.numpy(), [node for group in groups.members for node in group]
     assert corrections == pytest.approx(wanted[members], rel=1e-4, abs=1e-4 * np.abs(wanted).max())
     assert groups.arrays.member_of.numpy()[members].tolist() == list(range(len(members)))
+
+
+def test_noise_is_larger_in_a_group_by_its_size() -> None:
+    """As its block is at most that many times those of its nodes; by means over nodes in the norm of D."""
+    _, trunk = small_case()
+    work = Work(State(build_model(trunk, energy="itmsm", device="cpu", precision="float64", threads=2)))
+    work.certificate._color()
+    noise, size = work.solver.noise.numpy(), np.ones(work.state.model.free_nodes, dtype=int)
+    for group in work.preconditioner.groups.members:
+        size[group] = len(group)
+    squares = np.einsum("ni,nij,nj->n", noise, work.matrix.inverse_diagonal.numpy(), noise) / 3.0
+    for grouped in (False, True):
+        chosen = (squares / size)[(size > 1) == grouped]
+        assert abs(chosen.mean() - 1.0) < 3.0 * (2.0 / 3.0 / len(chosen)) ** 0.5 < 0.5
