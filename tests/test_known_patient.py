@@ -425,6 +425,22 @@ def sure(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureReques
     return Shown(folder, sign, Page((folder / "report.html").read_text(encoding="utf-8")), figures)
 
 
+def test_intervals_stand_at_their_level_on_the_console_in_the_page_and_in_the_plot(sure: Shown) -> None:
+    (axes,) = sure.figures["rotation"].axes
+    whiskers = {line.get_ydata()[0]: sorted(line.get_xdata()) for line in axes.lines if line.get_marker() == "|"}
+    console = {line.split()[0]: line for line in plain(read_result(sure.folder)).splitlines() if line}
+    assert console["level"].endswith("19 of 20")
+    for number, (level, angle) in enumerate(AFTER.rotations.items()):
+        ends = sorted(sure.sign * angle + way * 1.96 * SD for way in (-1.0, 1.0))
+        assert whiskers[number] == pytest.approx(ends, abs=0.05)
+        low, high = ends
+        shown = " to ".join(f"{abs(end):.0f}" for end in sorted(ends, key=abs))
+        if round(low) * round(high) < 0:
+            shown = f"{abs(low):.0f} left to {high:.0f} right"
+        assert " ".join(console[level].split()).endswith(f" {shown}")
+        assert shown in sure.page.rows[level]
+
+
 def test_likely_backs_stand_beside_the_prediction_better_first(sure: Shown) -> None:
     """The hump of the worse one is larger, on the side on which it is."""
     panels = sure.figures["likely"].axes[:3]

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -11,12 +12,17 @@ import pytest
 import viser
 
 from support.asserting import not_none
+from support.drawn import Page as Table
+from support.known_patient import AFTER, BEFORE, exchange_sides, known_case
 from support.known_spine import LEVELS
 from support.small_trunk import APEX, small_patient
-from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_surgery
-from warp_trunk.live.page_scene import BONE, FUSED
+from warp_trunk.bone_motion.plan import CurvePlan, Plan, PlannedSurgery, plan_surgery
+from warp_trunk.live.number_table import numbers_html
+from warp_trunk.live.page_scene import BONE, FUSED, SIDES
 from warp_trunk.live.planning_page import NOTHING, Page
+from warp_trunk.live.session import PlanView
 from warp_trunk.live.sliders import SpineSliders
+from warp_trunk.measures import measure
 from warp_trunk.recording.viewer import free_port
 
 WAIT = 60.0
@@ -113,6 +119,23 @@ def test_vertebrae_of_the_fusion_have_its_colour_with_both_ends(page: Page, end:
     assert _planned_bones(replace(view, surgery=surgery)) == levels
 
 
+@pytest.mark.parametrize("side", SIDES)
+def test_a_button_turns_the_eye_of_its_browser_to_that_side(page: Page, side: str) -> None:
+    camera = SimpleNamespace(client=SimpleNamespace(atomic=nullcontext), aspect=0.5)
+    group = next(handle for handle in handles(page) if isinstance(handle, viser.GuiButtonGroupHandle))
+    target = SimpleNamespace(value=side)
+    listeners: list[Any] = group._impl.update_cb
+    for heard in listeners:
+        heard(SimpleNamespace(client=SimpleNamespace(camera=camera), target=target))
+        heard(SimpleNamespace(client=None, target=target))  # nobody's eye
+    across, back, _ = camera.position - camera.look_at
+    wanted = {"Behind": (0, 1), "Front": (0, -1), "Left side": (1, 0), "Right side": (-1, 0)}[side]
+    np.testing.assert_allclose(np.array([across, back]) / np.hypot(across, back), wanted, atol=1e-9)
+    assert camera.up_direction == (0.0, 0.0, 1.0)
+    low, high = (getattr(page.session._patient.case.skin.vertices, handle)(axis=0) for handle in ("min", "max"))
+    np.testing.assert_allclose(camera.look_at, (low + high) / 2.0)
+
+
 def test_a_kept_plan_is_a_folder_a_name_and_outlines(page: Page) -> None:
     page_said = page._said
     assert control(page, "Name").value == "plan_1"
@@ -149,3 +172,46 @@ def test_only_the_browser_that_ends_the_page_is_asked_and_its_answer_counts(page
     press(control(page, "End the page"))
     assert page.stopped.is_set()
     page.stopped.clear()
+
+
+def test_a_slider_moves_skin_numbers_and_status(page: Page) -> None:
+    view = not_none(page.session.view)
+    slider = control(page, "Correction %")
+    slider.value = 20
+    until(lambda: not_none(page.session.view).number > view.number and not_none(page.session.view).settled)
+    until(lambda: not_none(page.session.view).measures is not None)
+    newer = not_none(page.session.view)
+    assert isinstance(newer.surgery, PlannedSurgery)
+    assert isinstance(view.surgery, PlannedSurgery)
+    assert newer.surgery.curves[1].cobb_after > view.surgery.curves[1].cobb_after + 5.0
+    angle = f"{newer.surgery.curves[1].cobb_after:.0f}"
+    until(lambda: angle in [row[1] for title, row in Table(page._numbers.content).rows.items() if "Cobb" in title])
+    np.testing.assert_allclose(page.scene.skin.vertices, newer.skin.astype(np.float32))
+    assert "Relaxed skin" in page._status.content
+    press(control(page, "Undo"))
+    assert slider.value == 50
+
+
+@pytest.mark.parametrize("mirrored", [False, True], ids=["patient", "mirror image"])
+def test_the_numbers_beside_the_sliders_are_those_of_the_construction(mirrored: bool) -> None:
+    """The number and the side of the rows that plans are chosen by."""
+    case, mesh, displacement = known_case(mirrored=mirrored)
+    skin = case.skin.moved(case.skin.vertices + displacement[mesh.skin_nodes])
+    plan = Plan(uiv="T4", liv="L1", curves=(CurvePlan("T8", correction=0.5),))
+    surgery = replace(plan_surgery(case, plan), landmarks_after=case.planned_landmarks)
+    before = measure(case.skin, case.landmarks_before)
+    after = measure(skin, case.planned_landmarks, case.skin)
+    view = PlanView(1, {}, surgery, {}, skin.vertices, relaxed=True, measures=after)
+    text = numbers_html(case, before, view)
+    rows = Table(text).rows
+    side = exchange_sides if mirrored else str
+    humps, shoulders = ([abs(pick(shape)) for shape in (BEFORE, AFTER)] for pick in (
+        lambda shape: shape.humps["T8"], lambda shape: shape.shoulder_difference))  # fmt: skip
+    for title, cells in {
+        "Main hump, at T8": [f"{hump:.0f} right" for hump in humps],
+        "Deeper waist": ["15 left", "7.0 left"],
+        "Higher waist": ["20 left", "12 left"],
+        "Higher shoulder": [f"{shoulders[0]:.0f} right", f"{shoulders[1]:.1f} right"],
+    }.items():
+        (shown,) = (row for name, row in rows.items() if name.startswith(title))
+        assert shown == [side(cell) for cell in cells], title

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from support.known_patient import BEFORE, known_case, known_increments
+from support.known_patient import AFTER, BEFORE, known_case, known_increments
 from support.rrd import column
 from support.small_case import part_case
 from support.small_trunk import measured, start_recording
@@ -133,6 +133,60 @@ def test_bars_leave_room_for_whiskers_names_and_angles() -> None:
             # none is cut off
             np.testing.assert_allclose((line[:, 0] - plot.zero) / plot.scale, [low, high], atol=1e-4)
             assert 0.1 * plot.width <= line[0, 0] < line[1, 0] <= 0.82 * plot.width
+
+
+def test_legends_marks_and_table_say_what_is_shown(tmp_path: Path) -> None:
+    case, mesh, displacement = known_case()
+    path = tmp_path / "known.rrd"
+    recording = start_recording(path, case, mesh)
+    for increment in known_increments(displacement, mesh):
+        recording.increment(increment, measured(case, mesh, increment))
+    recording.bands([Measured(PREDICTED, "T8", "bsr_deg", 7.3, 4.0, 10.0)])
+    recording.close()
+
+    def texts(entity: str) -> list[str]:
+        return column(path, entity, "labels")[None].tolist()
+
+    assert texts("/section/axes") == ["from above: front above, back below"]
+    assert texts("/bars/levels") == list(BEFORE.rotations)
+    assert texts("/bars/legend") == ["to the right: the right side stands further back", "grey before, blue now"]
+    first, middle, last = texts("/scale/marks")
+    assert (first.split(" ", 1)[0], middle) == ("over", "as the other side")
+    assert first.endswith(" mm forward")
+    assert last == first.replace("forward", "back")
+    names = column(path, "/bsr", "names")[None].tolist()
+    assert names == ["at T8, to the right above 0", "at L3, to the right above 0"]
+    np.testing.assert_allclose(
+        column(path, "/bsr", "scalars")[2], [AFTER.rotations["T8"], AFTER.rotations["L3"]], atol=0.05
+    )
+    heads = {step: text.item().splitlines()[0] for step, text in column(path, "/table", "text").items()}
+    assert [heads[step].split("|")[3].strip() for step in (0, 1, 2)] == ["now, 0 %", "now, 50 %", "now, 100 %"]
+    rows = {
+        line.split("|")[1].strip(): [cell.strip() for cell in line.split("|")[2:-1]]
+        for line in column(path, "/table", "text")[2].item().splitlines()
+        if line.startswith("|")
+    }
+    title = next(title for title in rows if title.lower().startswith("hump"))
+    assert title[0] == "H"
+    assert rows[title][0] == f"{BEFORE.humps['T8']:.0f} right"
+    ends = column(path, "/scale", "strips")[None]
+    at = np.array([strip[:, 0] if isinstance(strip, np.ndarray) else [x for x, _ in strip] for strip in ends])
+    assert len(at) == len(column(path, "/scale", "colors")[None])
+    assert (at[0, 0], at[-1, 1]) == (0.0, 1000.0)
+    np.testing.assert_allclose(at[1:, 0], at[:-1, 1])
+    places = column(path, "/sides", "positions")[None]
+    low, high = case.skin.vertices.min(axis=0), case.skin.vertices.max(axis=0)
+    np.testing.assert_allclose(places[:, 1], (low[1] + high[1]) / 2.0, atol=0.1)
+    assert ((low[2] < places[:, 2]) & (places[:, 2] < high[2])).all()
+    assert (places[0, 0] > high[0]) & (places[1, 0] < low[0])
+    (whisker,) = column(path, "/bars/whiskers", "strips")[2]
+    assert np.array(whisker)[:, 1].tolist() == [LEVEL_OF_T8, LEVEL_OF_T8]
+    assert column(path, "/bars/whiskers/legend", "labels")[2].tolist() == [
+        "thin line: 19 of 20 such operations end there"
+    ]
+    marks = column(path, "/now/landmarks", "positions")[2]
+    np.testing.assert_allclose(marks, case.planned_landmarks.points, atol=1e-3)
+    assert column(path, "/now/landmarks", "labels")[2].tolist() == list(case.landmarks_before.names)
 
 
 LEVEL_OF_T8 = list(BEFORE.rotations).index("T8")
