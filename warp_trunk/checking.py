@@ -24,8 +24,6 @@ from typing import (
 )
 
 import numpy as np
-from msgspec import Struct
-from msgspec.structs import force_setattr
 
 from .errors import InputError, WrongTypeError, closest_name, within
 
@@ -78,7 +76,9 @@ def check_fields(record: object, what: str) -> None:
     for name, hint in _hints_of(type(record)).items():
         value = getattr(record, name)
         if (fitting := _as_hinted(value, hint, what, name)) is not value:
-            if isinstance(record, Struct):
+            if hasattr(record, "__struct_fields__"):  # of msgspec, which the engine does without
+                from msgspec.structs import force_setattr
+
                 force_setattr(record, name, fitting)
             else:
                 object.__setattr__(record, name, fitting)

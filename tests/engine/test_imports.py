@@ -15,7 +15,10 @@ import warp_trunk.engine
 
 ENGINE = Path(warp_trunk.engine.__path__[0])
 KERNELS = Path(importlib.import_module("warp_trunk.kernels").__path__[0])
-ALLOWED = ("numpy", "warp", "warp_trunk.kernels", "warp_trunk.errors", "warp_trunk.system", "warp_trunk.engine")
+ALLOWED = (
+    "numpy", "warp", "warp_trunk.kernels", "warp_trunk.errors", "warp_trunk.system", "warp_trunk.checking",
+    "warp_trunk.engine",
+)  # fmt: skip
 
 
 def foreign(name: str, source: str) -> list[str]:
