@@ -48,8 +48,7 @@ def draw_report(result: Path, out: Path) -> None:
         opened(write_report(read_result(result), folder).as_uri()) as tab,
     ):
         bottom = tab.evaluate("document.querySelector('.sentences').getBoundingClientRect().bottom + scrollY")
-        clip = {"x": 0.0, "y": 0.0, "width": WIDE, "height": bottom + 10.0}
-        tab.screenshot(path=out, full_page=True, clip=clip)
+        tab.screenshot(path=out, full_page=True, clip={"x": 0.0, "y": 0.0, "width": WIDE, "height": bottom + 10.0})
 
 
 def draw_live(case: Path, plan: Path, out: Path) -> None:

@@ -76,12 +76,17 @@ def check_fields(record: object, what: str) -> None:
     for name, hint in _hints_of(type(record)).items():
         value = getattr(record, name)
         if (fitting := _as_hinted(value, hint, what, name)) is not value:
-            if hasattr(record, "__struct_fields__"):  # of msgspec, which the engine does without
-                from msgspec.structs import force_setattr
+            _setter_of(type(record))(record, name, fitting)
 
-                force_setattr(record, name, fitting)
-            else:
-                object.__setattr__(record, name, fitting)
+
+@cache
+def _setter_of(kind: type) -> Callable[[Any, str, object], None]:
+    """What sets a field of a frozen record: of msgspec, which the engine does without, or a dataclass."""
+    if not hasattr(kind, "__struct_fields__"):
+        return object.__setattr__
+    from msgspec.structs import force_setattr
+
+    return force_setattr
 
 
 @dataclass(frozen=True)

@@ -274,7 +274,7 @@ def test_the_folder_of_temporary_files_is_named(full):
 
 def test_kernels_are_compiled_aside_of_a_full_cache(monkeypatch, capsys, tmp_path):
     monkeypatch.setattr(starting.atexit, "register", lambda *_, **__: None)
-    place = Path(starting.aside_of(tmp_path))
+    place = Path(starting.aside_of(tmp_path, "is full"))
     assert place.is_dir()
     assert f"{tmp_path}: is full; kernels are compiled into {place}" in capsys.readouterr().err
     shutil.rmtree(place)

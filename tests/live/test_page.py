@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Locator, Playwright, WebSocket, expect, sync_playwright
 from playwright.sync_api import Page as Tab
 
 from support.asserting import not_none
+from support.axe import violations
 from support.chromium import CHROMIUM, WEBGL, needs_chromium
 from support.small_case import part_case
 from support.small_trunk import APEX, small_patient
@@ -184,11 +184,7 @@ def test_every_control_has_a_name_and_words_can_be_read(visit: Visit, page: Page
         assert all(names[role]), (role, names[role])
     sliders = page.controls.names
     assert set(names["slider"]) <= set(sliders)
-    rules = ["label", "aria-input-field-name", "button-name", "color-contrast"]
-    violations = (
-        Axe().run(visit.tab, options={"runOnly": rules, "resultTypes": ["violations"]}).response["violations"]
-    )
-    faults = [(fault["id"], fault["nodes"][0]["html"][:100]) for fault in violations]
+    faults = violations(visit.tab, "label", "aria-input-field-name", "button-name", "color-contrast")
     assert [fault for fault in faults if "mantine-Notification" not in fault[1]] == []
 
 

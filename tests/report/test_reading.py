@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("playwright", reason="playwright is not installed (uv sync installs it)")
-from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
+from support.axe import violations
 from support.chromium import CHROMIUM, WEBGL, needs_chromium
 from support.report_results import small_bands, write_small_result
 from support.small_trunk import small_case
@@ -52,8 +52,7 @@ def test_axe_finds_no_fault(browser: Browser, pages: dict[str, Path], name: str,
     tab = opened(browser, pages[name], width)
     tab.wait_for_selector("#turning[data-ready]")
     tab.get_by_label("Colour of the hump").check()  # its legend, too
-    violations = Axe().run(tab, options={"resultTypes": ["violations"]}).response["violations"]
-    assert [(fault["id"], fault["nodes"][0]["html"][:100]) for fault in violations] == []
+    assert violations(tab) == []
 
 
 @pytest.mark.parametrize("name", ["report", "plans"])

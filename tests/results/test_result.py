@@ -269,6 +269,6 @@ def test_bands_are_the_predicted_numbers_with_intervals_and_the_status_is_one(si
     assert plain.bands == ()
     assert {(row.level, row.quantity) for row in result.bands} >= {("T8", "bsr_deg"), ("T4", "hump_mm")}
     assert {row.state for row in result.bands} == {"predicted"}
-    assert all(row.low < row.high for row in result.bands)
+    assert all(row.low is not None and row.high is not None and row.low < row.high for row in result.bands)
     assert result.status is result.summary.status is RelaxStatus.CONVERGED
     assert json.loads(json.dumps({"status": result.status})) == {"status": "CONVERGED"}
