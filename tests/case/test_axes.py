@@ -5,8 +5,8 @@ from itertools import permutations, product
 import numpy as np
 import pytest
 
-from support.blocks import spine_and_hips
-from warp_trunk.case.axes import MILLIMETRES, Axes
+from support.blocks import moved, spine_and_hips
+from warp_trunk.case.axes import MILLIMETRES, Axes, misplaced
 from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.cli import main
 from warp_trunk.geometry.surface import Surface
@@ -87,3 +87,23 @@ def test_landmarks_follows_units_and_axes_of_the_case(units, code, tmp_path):
 def test_bones_in_another_unit_or_mirrored_are_refused_in_one_line(units, code, said, tmp_path, refused):
     write(tmp_path, units, code)
     refused(["landmarks", tmp_path, "--out", tmp_path / "a.csv"], said)
+
+
+@pytest.mark.parametrize(
+    ("signs", "axes", "words"),
+    [
+        ([1.0, 1.0, 1.0], set(), ""),
+        ([-1.0, 1.0, 1.0], {0}, "lies right of"),
+        ([1.0, -1.0, 1.0], {1}, "the hip bones lie behind the sacrum"),
+        ([1.0, 1.0, -1.0], {2}, "T1 lies below L5"),
+    ],
+)
+def test_bones_that_lie_the_wrong_way_round_name_the_axis(signs: list[float], axes: set[int], words: str) -> None:
+    spine = spine_and_hips()
+    sacrum = moved(spine["L5"], np.eye(3), [0.0, 60.0, -40.0])
+    bones = {
+        name: Surface(bone.vertices * signs, bone.faces) for name, bone in (spine | {"sacrum": sacrum}).items()
+    }
+    wrong = misplaced(bones)
+    assert set(wrong) == axes
+    assert all(words in text for text in wrong.values())

@@ -72,6 +72,8 @@ def test_who_counts():
     assert left_out == (("e",), ("d",), ("c",), ("f",))
     assert not summary.complete
     assert summarize_cohort(ROWS[:3]).complete
+    assert not summarize_cohort([*ROWS[:3], ROWS[3]]).complete  # not converged
+    assert not summarize_cohort([*ROWS[:3], ROWS[4]]).complete  # failed
 
 
 def test_the_papers_table_of_a_case():

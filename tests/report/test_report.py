@@ -200,6 +200,14 @@ def test_every_tile_has_its_side_and_its_word(key, was, will, text, name, word):
     assert replace(held, fixed="held by the plan").interval == ""
 
 
+@pytest.mark.parametrize(("will", "text"), [(14.2, "14 mm"), (15.0, "14 → 15 mm")])
+def test_what_the_plan_holds_is_stated_once_where_it_stays(will, text):
+    tile = Headline(
+        QUANTITIES["main_hump_mm"], 14.0, Measured("predicted", "T8", "main_hump_mm", will), None, "held"
+    )
+    assert tile.text == text
+
+
 def test_a_tile_names_the_place_that_is_larger_afterwards():
     larger = Measured("predicted", "T8", "hump_mm", 17.2)
     tile = Headline(QUANTITIES["main_hump_mm"], 25.0, Measured("predicted", "T12", "main_hump_mm", 10.0), larger)
