@@ -15,6 +15,7 @@ from PIL import Image
 from support.asserting import not_none
 from support.report_results import small_bands, write_small_result
 from support.small_trunk import small_case
+from support.synthetic import box
 from warp_trunk.cli import main
 from warp_trunk.cli.measure import Measure
 from warp_trunk.engine.relaxation import RelaxStatus
@@ -22,7 +23,7 @@ from warp_trunk.measures.number_text import interval_text
 from warp_trunk.measures.quantities import QUANTITIES, Measured, MeasureTable
 from warp_trunk.measures.rows import MeasureRow, rotation_table
 from warp_trunk.report.headlines import Headline
-from warp_trunk.report.page import BAND_HEAD, STATES, band_table, source_table
+from warp_trunk.report.page import BAND_HEAD, STATES, band_table, change_table, in_numbers, source_table
 from warp_trunk.report.sentences import option_rows
 from warp_trunk.report.writing import write_report
 from warp_trunk.results import read_result
@@ -206,6 +207,21 @@ def test_what_the_plan_holds_is_stated_once_where_it_stays(will, text):
         QUANTITIES["main_hump_mm"], 14.0, Measured("predicted", "T8", "main_hump_mm", will), None, "held"
     )
     assert tile.text == text
+    assert in_numbers([tile]) == f"{tile.name}: {text}, held"
+    assert in_numbers([replace(tile, fixed="", quantity=QUANTITIES["spine_height_mm"])]).endswith(" mm")
+
+
+def test_movement_of_a_box_whose_top_is_raised():
+    """A box of 100 mm, its top by 3 mm: half of its 600 cm2 of skin belongs to the top's vertices, and 30 cm3 are
+    gained."""
+    before = box((100.0, 100.0, 100.0))
+    top = before.vertices[:, 2] > 0.0
+    raised = replace(before, vertices=before.vertices + np.outer(top, [0.0, 0.0, 3.0]))
+    numbers = dict(change_table(before, raised))
+    corner = numbers.pop("Where that is before surgery: x, y, z [mm]")
+    assert corner.endswith(", 50)")
+    assert list(numbers.values()) == ["3.0", "300", "30.0", "0.0", "0"]
+    assert list(dict(change_table(raised, before)).values())[3:] == ["0.0", "30.0", "0"]
 
 
 def test_a_tile_names_the_place_that_is_larger_afterwards():

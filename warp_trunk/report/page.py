@@ -13,7 +13,7 @@ import numpy as np
 
 from warp_trunk.bone_motion.plan import Plan, fixed_numbers, plan_words, planned_curves
 from warp_trunk.engine.simulation import ON_THE_WAY
-from warp_trunk.geometry.surface import corner_areas
+from warp_trunk.geometry.surface import Surface, corner_areas
 from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.measures import SkinComparison
 from warp_trunk.measures.body_part import Agreement, FollowedPoint, profile, swept_volumes
@@ -111,7 +111,7 @@ def part_page(
     return rendered(
         "part.html",
         drawings,
-        change_rows=[*change_table(poses), *profile_table(result.summary.points)],
+        change_rows=[*change_table(poses[0].skin, poses[1].skin), *profile_table(result.summary.points)],
         error_rows=[] if agreed is None else agreed.rows(),
         **_of_run(result, poses),
     )
@@ -278,18 +278,18 @@ def source_table(bands: Bands, place: str) -> list[list[str]]:
     ]
 
 
-def change_table(poses: Sequence[TrunkState]) -> list[list[str]]:
+def change_table(before: Surface, predicted: Surface) -> list[list[str]]:
     """How far the skin moves, and the volumes between the skins before and predicted."""
-    way = np.linalg.norm(poses[1].skin.vertices - poses[0].skin.vertices, axis=1)
-    place = "({:.0f}, {:.0f}, {:.0f})".format(*poses[0].skin.vertices[way.argmax()])
-    outward, inward = swept_volumes(poses[0].skin, poses[1].skin)
+    way = np.linalg.norm(predicted.vertices - before.vertices, axis=1)
+    place = "({:.0f}, {:.0f}, {:.0f})".format(*before.vertices[way.argmax()])
+    outward, inward = swept_volumes(before, predicted)
     return [
         ["Largest displacement of the skin [mm]", f"{way.max():.1f}"],
         ["Where that is before surgery: x, y, z [mm]", place],
-        ["Skin that moves by more than 1 mm [cm²]", f"{corner_areas(poses[0].skin)[way > 1.0].sum() / 100.0:.0f}"],
-        ["Volume gained outside the skin before [cm³]", f"{outward:.1f}"],
-        ["Volume lost inside it [cm³]", f"{inward:.1f}"],
-        ["Pairs of triangles of the predicted skin that cross", f"{len(crossings(poses[1].skin))}"],
+        ["Skin that moves by more than 1 mm [cm²]", f"{corner_areas(before)[way > 1.0].sum() / 100.0:.0f}"],
+        ["Volume gained outside the skin before [cm³]", f"{outward:z.1f}"],
+        ["Volume lost inside it [cm³]", f"{inward:z.1f}"],
+        ["Pairs of triangles of the predicted skin that cross", f"{len(crossings(predicted))}"],
     ]
 
 
