@@ -64,6 +64,15 @@ def test_planned_folder_is_a_case_that_holds_its_plan(folder: Path, capsys: pyte
     assert f"warp-trunk simulate {folder / 'planned'}" in said
 
 
+def test_an_older_plan_is_replaced_with_a_warning(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    warned = "its older plan is replaced"
+    for liv, expected in (("L1", False), ("L1", False), ("L2", True)):
+        assert plan(folder, "older", "--uiv", "T4", "--liv", liv, "--curve", "T8,correction=0.65") == 0
+        output = capsys.readouterr()
+        assert (warned in output.out + output.err) == expected, liv
+    assert 'liv = "L2"' in (folder / "older" / "plan.toml").read_text(encoding="utf-8")
+
+
 def test_plan_that_was_written_makes_it_again(folder: Path) -> None:
     options = ("--uiv", "T3", "--liv", "L2", "--curve", "T8,cobb_after=25", "--kyphosis-T5-T12", "30")
     assert plan(folder, "first", *options) == 0

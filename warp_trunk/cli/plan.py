@@ -10,7 +10,13 @@ from tyro.conf import Positional, UseAppendAction
 
 from warp_trunk.bone_motion.articulation import unknown_bones
 from warp_trunk.bone_motion.plan import Plan, lenke_of, plan_surgery, read_plan
-from warp_trunk.bone_motion.plan.plan_file import check_planned_folder, curve_of_text, write_planned_case
+from warp_trunk.bone_motion.plan.plan_file import (
+    check_planned_folder,
+    curve_of_text,
+    plan_text,
+    write_planned_case,
+    written_plan,
+)
 from warp_trunk.bone_motion.plan.surgery import back_text, surgery_text
 from warp_trunk.case import read_case, read_checked_case
 from warp_trunk.case.anatomy import PELVIC_RING
@@ -104,6 +110,10 @@ class PlanCommand:
                     case, intention, self.within, self.aim, self.options, self.execution, progress=progress
                 )
             surgery = plan_surgery(case, intention if best is None else best.plan)
+            if written_plan(self.out) not in (None, plan_text(surgery.plan)):
+                progress.message(
+                    f"warning: {self.out}: its older plan is replaced; to keep both, give another --out"
+                )
             with progress.stage("write", f"writing {self.out}"):
                 planned = write_planned_case(self.out, case, surgery)
             kind = lenke_of(case)

@@ -123,6 +123,12 @@ def patient_name(case: Case) -> str:
     return _CORRECTION.sub("", case.name)
 
 
+def written_plan(folder: Path) -> str | None:
+    """The text of the plan that a folder holds."""
+    path = folder / PLAN
+    return read_text(path, "the plan of a case", MOST_PLAN) if path.exists() else None
+
+
 def check_planned_folder(folder: Path, case: Path | None = None) -> None:
     """Raise InputError where a planned case would take the place of a case that no plan wrote, or lie in one."""
     if is_case(folder) and not (folder / PLAN).exists():
