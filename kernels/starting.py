@@ -13,6 +13,8 @@ import threading
 from functools import cache
 from pathlib import Path
 
+from warp_trunk.system import kernel_cache
+
 ENGINE = threading.RLock()
 """Held by whoever runs a program, and for as long as a model or relaxer is made or used: the threads of a process
 take turns, because a team runs one program at a time, and Warp captures for CUDA whatever another thread launches
@@ -59,9 +61,9 @@ def start_warp() -> None:
 
 def _find_cache() -> None:
     """Has Warp compile into a temporary folder where its own, in the user's home, cannot be written."""
-    if sys.platform == "win32" or os.environ.get("WARP_CACHE_PATH"):
+    cache = kernel_cache()
+    if cache is None or os.environ.get("WARP_CACHE_PATH"):
         return
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")) / "warp"
     try:
         if not cache.is_absolute():
             raise OSError(None, "this user has no home")

@@ -194,7 +194,7 @@ def main(options: Options) -> None:
     tests = _measured_tests(options, copies, until)
     outcomes = _outcomes(options, mutants, tests, copies, until)
     table = report(mutants, outcomes, options)
-    (options.out / "mutants.md").write_text(table, encoding="utf-8")
+    (options.out / "mutants.md").write_text(table, encoding="utf-8", newline="\n")
     print(table)
     if len(outcomes) < len(mutants):
         sys.exit(f"{len(mutants) - len(outcomes)} mutants left; run the same command again")
@@ -345,7 +345,7 @@ def _run(command: Sequence[str], copy: tuple[Path, int], limit: float, **environ
     variables = os.environ | {"PYTHONPATH": path, "WARP_TRUNK_CACHE": str(scratch / "cache"), **environment}
     started = time.monotonic()
     log = scratch / "output"
-    with log.open("w", encoding="utf-8") as output:
+    with log.open("w", encoding="utf-8", newline="\n") as output:
         arguments = [*command, f"--basetemp={scratch / 'tests'}"]
         process = subprocess.Popen(
             arguments, cwd=tree, env=variables, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
@@ -431,7 +431,7 @@ def _outcomes(
         try:
             outcome = _judged(mutant, tests, copy, options.budget, until)
         finally:
-            (copy[0] / mutant.path).write_text((ROOT / mutant.path).read_text(encoding="utf-8"), encoding="utf-8")
+            (copy[0] / mutant.path).write_bytes((ROOT / mutant.path).read_bytes())
             copies.put(copy)
         if outcome:
             with lock:
@@ -458,7 +458,7 @@ def _judged(
     before = itertools.accumulate((test.seconds - start for test in asked), initial=0.0)
     within = [test for test, seconds in zip(asked, before, strict=False) if seconds < budget]
     started = time.monotonic()
-    (copy[0] / mutant.path).write_text(mutant.text(ROOT), encoding="utf-8")
+    (copy[0] / mutant.path).write_text(mutant.text(ROOT), encoding="utf-8", newline="\n")
     outcome, by = "survived", "" if asked else "no test executes it"
     for near in (True, False):
         stage = [test for test in within if test.path.startswith(folder) == near]
@@ -526,7 +526,7 @@ def _rows(path: Path) -> list[dict[str, Any]]:
 
 
 def _append(path: Path, row: dict[str, Any]) -> None:
-    with path.open("a", encoding="utf-8") as file:
+    with path.open("a", encoding="utf-8", newline="\n") as file:
         file.write(json.dumps(row) + "\n")
 
 

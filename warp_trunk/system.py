@@ -112,6 +112,13 @@ def peak_memory(*, children: bool = True) -> float:
     return max(own, of_children if children else 0) * unit / 1e6
 
 
+def kernel_cache() -> Path | None:
+    """Where Warp keeps compiled kernels in the user's home; None on Windows, where users have a folder of data."""
+    if sys.platform == "win32":
+        return None
+    return Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")) / "warp"
+
+
 _LIMIT = threading.Lock()
 
 

@@ -5,11 +5,13 @@ one. That forces and results follow is tested in `tests/run/test_options.py`, wh
 tests of their parts.
 """
 
+import dataclasses
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -230,6 +232,20 @@ def answers(folder: str) -> dict[str, list[str]]:
     return {}
 
 
+def in_full(value: Any) -> Any:
+    """All that a record holds, where `repr` is a summary."""
+    names = getattr(value, "__struct_fields__", None)
+    if names is None and dataclasses.is_dataclass(value) and not isinstance(value, type):
+        names = [field.name for field in dataclasses.fields(value)]
+    if names is not None:
+        return type(value).__name__, {name: in_full(getattr(value, name)) for name in names}
+    if isinstance(value, Mapping):
+        return {key: in_full(held) for key, held in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [in_full(held) for held in value]
+    return sha256(value.tobytes()).hexdigest() if isinstance(value, np.ndarray) else value
+
+
 @pytest.fixture
 def asked(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -241,7 +257,7 @@ def asked(
     def recorded(name: str, answer: Any) -> Callable[..., Any]:
         def call(*arguments: Any, **named: Any) -> Any:
             named.pop("progress", None)
-            words = map(repr, (*arguments, *named.items()))
+            words = map(repr, map(in_full, (*arguments, *named.items())))
             shown = [word for word in words if "Progress" not in word]
             calls.append(f"{name}: {shown}")
             if answer is END:

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.io.surface_files import read_surface, write_surface
+from warp_trunk.io.surface_files import read_surface, surface_writer, write_surface
 
 Break = Callable[[Path], object]
 """Spoils a case folder."""
@@ -18,7 +19,8 @@ def shape(name: str, change: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray
     def spoil(folder: Path) -> None:
         surface = read_surface(folder / name)
         vertices, faces = change(surface.vertices.copy(), surface.faces.copy())
-        write_surface(folder / name, Surface(vertices, faces))
+        with patch.object(surface_writer, "check_surface"):  # which refuses what is broken
+            write_surface(folder / name, Surface(vertices, faces))
 
     return spoil
 
