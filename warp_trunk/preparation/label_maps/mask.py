@@ -9,6 +9,8 @@ import numpy as np
 
 _SAME_GRID = 0.1
 """Grids whose corners are nearer than this, in voxels, are one: headers round."""
+_SLAB = 64
+"""Layers that are grown at a time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,9 +75,12 @@ class Mask:
             layer[:] = ndimage.binary_fill_holes(layer)
         inside = np.pad(inside, 2)
         outside = _reached(np.asarray(ndimage.binary_dilation(inside)))
-        grown = np.asarray(ndimage.binary_dilation(outside))
-        np.greater(grown, inside, out=outside)
-        return replace(self, inside=~outside[2:-2, 2:-2, 2:-2])
+        for first in range(0, inside.shape[2], _SLAB):  # the whole at once would take an image's memory more
+            low = max(first - 1, 0)
+            grown = np.asarray(ndimage.binary_dilation(outside[..., low : first + _SLAB + 1]))
+            slab = inside[..., first : first + _SLAB]
+            slab |= ~grown[..., first - low :][..., : slab.shape[2]]
+        return replace(self, inside=inside[2:-2, 2:-2, 2:-2])
 
     def part(self, inside: np.ndarray) -> Mask | None:
         """Some of its voxels, (i, j, k) of its box, in a box of their own; None where there are none."""
