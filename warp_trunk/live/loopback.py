@@ -24,6 +24,8 @@ POLICY = (
     "connect-src 'self' data: blob:; frame-ancestors 'none'"
 )
 """The browser loads from this server alone, connects to nothing else, and shows the page in no other."""
+BUTTONS = (0, 90, 150)
+"""Colour of buttons: white words on it have a contrast of 7:1."""
 MOST_MESSAGE = 1_000_000
 """No browser has more to say at once [bytes]."""
 

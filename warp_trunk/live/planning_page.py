@@ -12,7 +12,7 @@ from warp_trunk.bone_motion.plan.plan_file import patient_name
 from warp_trunk.errors import InputError
 from warp_trunk.run.patient import PreparedPatient
 
-from .loopback import LoopbackServer
+from .loopback import BUTTONS, LoopbackServer
 from .number_table import line_html, numbers_html, status_html
 from .page_scene import SIDES, PageScene
 from .saved_plans import SavedPlans
@@ -65,7 +65,7 @@ class Page:
         self.controls = Controls(gui, sliders, self.session.ask)
         with gui.add_folder("Keep and compare"):
             self._name = gui.add_text("Name", self.saved.free_name())
-            gui.add_button("Keep this plan").on_click(lambda _: self._keep())
+            gui.add_button("Keep this plan", color=BUTTONS).on_click(lambda _: self._keep())
             self._said = gui.add_html("")
             self._other = gui.add_dropdown("Compare with", (NOTHING, *self.saved.names))
             self._other.on_update(lambda _: self._compare())
@@ -73,7 +73,7 @@ class Page:
         panel = gui.add_panel()
         with panel.add_tab("Numbers"):
             hint = "95 % intervals from the errors that case.toml states; some seconds to a minute"
-            self._find = gui.add_button("Compute intervals", hint=hint)
+            self._find = gui.add_button("Compute intervals", hint=hint, color=BUTTONS)
             self._find.on_click(lambda _: self.session.ask_for_intervals())
             self._intervals = gui.add_html("")
             self._numbers = gui.add_html("")
@@ -125,7 +125,7 @@ class Page:
         with gui.add_modal("End the page for everyone?") as question:
             gui.add_markdown("What was kept stays. The plan on the sliders is lost.")
             gui.add_button("End the page", color="red").on_click(lambda _: self.stopped.set())
-            gui.add_button("Continue planning").on_click(lambda _: question.close())
+            gui.add_button("Continue planning", color=BUTTONS).on_click(lambda _: question.close())
 
     def _show(self) -> None:
         """Draws what the session knows; called for one change after another."""

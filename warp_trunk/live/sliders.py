@@ -28,6 +28,8 @@ from warp_trunk.spine.apical import axial_rotation
 from warp_trunk.spine.cobb import kyphosis
 from warp_trunk.spine.spine import asis_axis, spine_of
 
+from .loopback import BUTTONS
+
 
 class Setting(NamedTuple):
     """The quantity that a control sets."""
@@ -354,7 +356,7 @@ class Controls:
                     self._handles[name] = handle
         self.names = [f"{control.folder}: {control.label}" for control in sliders.controls.values()]
         """The name of each control for a screen reader."""
-        self._undo = gui.add_button("Undo", disabled=True)
+        self._undo = gui.add_button("Undo", disabled=True, color=BUTTONS)
         self._undo.on_click(lambda _: self.undo())
         self._enable()
 
