@@ -1,4 +1,4 @@
-"""What axe-core finds of a page: names of controls, contrasts, order of headings."""
+"""Faults that axe-core reports of a page: names of controls, contrasts, order of headings."""
 
 import importlib.util
 from pathlib import Path

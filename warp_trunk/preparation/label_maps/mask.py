@@ -77,7 +77,7 @@ class Mask:
         outside = _reached(np.asarray(ndimage.binary_dilation(inside)))
         for first in range(0, inside.shape[2], _SLAB):  # the whole at once would take an image's memory more
             low = max(first - 1, 0)
-            grown = np.asarray(ndimage.binary_dilation(outside[..., low : first + _SLAB + 1]))
+            grown: Any = ndimage.binary_dilation(outside[..., low : first + _SLAB + 1])
             slab = inside[..., first : first + _SLAB]
             slab |= ~grown[..., first - low :][..., : slab.shape[2]]
         return replace(self, inside=inside[2:-2, 2:-2, 2:-2])
