@@ -316,7 +316,8 @@ def _copies(options: Options) -> Copies:
         "kernels",
     ]
     subprocess.run(command, cwd=first, check=True)
-    cores = itertools.cycle(sorted(os.sched_getaffinity(0)))
+    usable = sorted(os.sched_getaffinity(0)) if sys.platform == "linux" else range(os.cpu_count() or 1)
+    cores = itertools.cycle(usable)
     copies: Copies = queue.Queue()
     for number, core in zip(range(options.jobs), cores, strict=False):
         if number:
@@ -350,13 +351,17 @@ def _run(command: Sequence[str], copy: tuple[Path, int], limit: float, **environ
         process = subprocess.Popen(
             arguments, cwd=tree, env=variables, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
         )
-        os.sched_setaffinity(process.pid, {core})
+        if sys.platform == "linux":
+            os.sched_setaffinity(process.pid, {core})
         try:
             status = process.wait(limit)
         except subprocess.TimeoutExpired:
             status = None
         with contextlib.suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)  # and what it started
+            if sys.platform == "win32":
+                process.kill()
+            else:
+                os.killpg(process.pid, signal.SIGKILL)  # and what it started
         process.wait()
     return Ended(status, log.read_text(encoding="utf-8", errors="replace"), time.monotonic() - started)
 

@@ -81,7 +81,7 @@ def check_fields(record: object, what: str) -> None:
 
 @cache
 def _setter_of(kind: type) -> Callable[[Any, str, object], None]:
-    """The function that sets a field of a frozen record, of a dataclass or of msgspec, which the engine does without."""
+    """The function that sets a field of a frozen record: a dataclass, or of msgspec, which the engine lacks."""
     if not hasattr(kind, "__struct_fields__"):
         return object.__setattr__
     from msgspec.structs import force_setattr
