@@ -252,7 +252,7 @@ class Gui:
     def add_slider(self, _: str, *span: Any, hint: object) -> Handle:
         return Handle(span[-1])
 
-    def add_button(self, _: str, disabled: bool) -> Handle:
+    def add_button(self, _: str, disabled: bool, color: object) -> Handle:
         return Handle(None)
 
 
