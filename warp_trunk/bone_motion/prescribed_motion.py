@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warp_trunk.engine.trunk_mesh import tet_volumes
-from warp_trunk.geometry.rigid import RigidMotion
+from warp_trunk.geometry.rigid import RigidMotion, cross_matrix, exponential_factors, rotated
 from warp_trunk.geometry.spline import SplineSums, fit_spline, spread_centres
 from warp_trunk.system import usable_cores
 
@@ -31,9 +32,27 @@ class RigidBones:
     screws: np.ndarray
     """The screw of each bone over surgery in exponential coordinates [rad, mm], shape (bones, 6)."""
 
+    @cached_property
+    def derivatives(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The first three of the nodes' places in the load factor, at rest [mm], shape (k, 3) each."""
+        turn = cross_matrix(self.screws[:, :3])[self.bone]
+        first = rotated(turn, self.rest) + self.screws[self.bone, 3:]
+        second = rotated(turn, first)
+        return first, second, rotated(turn, second)
+
     def at(self, load_factor: float) -> np.ndarray:
-        """Motion of the nodes from rest [mm], shape (k, 3)."""
-        return RigidMotion.exp(load_factor * self.screws)[self.bone].apply(self.rest) - self.rest
+        """Motion of the nodes from rest [mm], shape (k, 3).
+
+        A screw moves a point by its series in the load factor, whose odd and even terms from the third on are
+        multiples of the third and second derivative: no rotation of each node, which would take ten times as long.
+        """
+        angle = load_factor * np.linalg.norm(self.screws[:, :3], axis=1)
+        _, half, third = exponential_factors(angle)
+        first, second, third_derivative = self.derivatives
+        moved = load_factor * first
+        moved += (load_factor**2 * half)[self.bone, None] * second
+        moved += (load_factor**3 * third)[self.bone, None] * third_derivative
+        return moved
 
     def of(self, place: np.ndarray) -> RigidBones:
         """Those of the nodes that have a place, by their places; -1 is none."""

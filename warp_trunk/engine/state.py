@@ -113,7 +113,7 @@ class State:
             displacement: of the prescribed nodes in model order [mm], shape (prescribed nodes, 3).
         """
         self._staged.reverse()
-        self._staged[0].numpy()[self.model.prescribed] = displacement
+        self._staged[0].numpy()[self.model.free_nodes :] = displacement
 
     def apply_prescribed(self) -> None:
         """Sets the displacement of the prescribed nodes to the one staged last."""

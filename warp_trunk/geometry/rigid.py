@@ -63,15 +63,8 @@ class RigidMotion:
         turn, along = screw[..., :3], screw[..., 3:]
         K = cross_matrix(turn)
         square = K @ K
-        angle = np.linalg.norm(turn, axis=-1)[..., None, None]
-        half = 0.5 * np.square(np.sinc(angle / (2.0 * math.pi)))  # (1 - cos) / angle^2
-        third = np.where(
-            angle < _SMALL,
-            1.0 / 6.0 - angle**2 / 120.0 + angle**4 / 5040.0,
-            (angle - np.sin(angle)) / np.maximum(angle, _SMALL) ** 3,
-        )
-        rotation = np.eye(3) + np.sinc(angle / math.pi) * K + half * square
-        return cls(rotation, rotated(np.eye(3) + half * K + third * square, along))
+        sine, half, third = exponential_factors(np.linalg.norm(turn, axis=-1)[..., None, None])
+        return cls(np.eye(3) + sine * K + half * square, rotated(np.eye(3) + half * K + third * square, along))
 
     def log(self) -> np.ndarray:
         """The shortest screw to each motion, as `exp` takes it, shape (..., 6)."""
@@ -185,6 +178,21 @@ def rotated(rotation: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     if rotation.ndim == 2:
         return vectors @ rotation.T
     return np.einsum("...ij,...j->...i", rotation, vectors)
+
+
+def exponential_factors(angle: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Factors of the exponential of a cross matrix K: sin(a) / a, (1 - cos(a)) / a^2 and (a - sin(a)) / a^3.
+
+    Args:
+        angle: a, the length of the vector of K [rad], any shape.
+    """
+    half = 0.5 * np.square(np.sinc(angle / (2.0 * math.pi)))
+    third = np.where(
+        angle < _SMALL,
+        1.0 / 6.0 - angle**2 / 120.0 + angle**4 / 5040.0,
+        (angle - np.sin(angle)) / np.maximum(angle, _SMALL) ** 3,
+    )
+    return np.sinc(angle / math.pi), half, third
 
 
 def cross_matrix(vectors: np.ndarray) -> np.ndarray:
