@@ -17,9 +17,11 @@ from support.small_case import part_case
 from support.small_trunk import measured, start_recording
 from warp_trunk.case import Case
 from warp_trunk.measures import measure
+from warp_trunk.measures.number_text import sided
 from warp_trunk.measures.quantities import PREDICTED, Measured
 from warp_trunk.recording.blueprint import FOV, layout
-from warp_trunk.recording.numbers import BarPlot
+from warp_trunk.recording.colours import LABEL_BOX
+from warp_trunk.recording.numbers import BarPlot, apart
 from warp_trunk.recording.viewer import free_port, listens, stop
 
 AWAY = np.array([70.0, -40.0, 300.0])
@@ -122,7 +124,7 @@ def test_the_first_pane_of_several_is_open(case: Case) -> None:
     walk(blueprint.root_container)
     names = [[str(part.name) for part in tab.contents] for tab in tabs]
     assert ["Hump", "Spine through the skin", "Own colours"] in names
-    assert [tab.active_tab for tab in tabs if len(tab.contents) == 3] == [0, 0]
+    assert [tab.active_tab for tab in tabs if len(tab.contents) == 3] == [0, 0, 0]
 
 
 def test_bars_leave_room_for_whiskers_names_and_angles() -> None:
@@ -148,8 +150,16 @@ def test_legends_marks_and_table_say_what_is_shown(tmp_path: Path) -> None:
         return column(path, entity, "labels")[None].tolist()
 
     assert texts("/section/axes") == ["from above: front above, back below"]
-    assert texts("/bars/levels") == list(BEFORE.rotations)
-    assert texts("/bars/legend") == ["to the right: the right side stands further back", "grey before, blue now"]
+    named, levels = texts("/bars/levels"), list(BEFORE.rotations)
+    assert "T8" in named
+    assert np.diff([levels.index(level) for level in named]).min() >= 2  # no label lies on another
+    legends = {step: text.item().splitlines() for step, text in column(path, "/bars/legend", "labels").items()}
+    legend = ["to the right: the right side stands further back", "grey before, blue now"]
+    assert legends[1] == legend
+    assert legends[2] == [*legend, "thin line: 19 of 20 such operations end there"]
+    by_level = [line.split("|") for line in column(path, "/levels", "text")[2].item().splitlines()]
+    (of_t8,) = [cells[2:4] for cells in by_level if cells[1:2] == [" T8 "]]
+    assert [cell.strip() for cell in of_t8] == [sided(of.rotations["T8"]) for of in (BEFORE, AFTER)]
     first, middle, last = texts("/scale/marks")
     assert (first.split(" ", 1)[0], middle) == ("over", "as the other side")
     assert first.endswith(" mm forward")
@@ -181,12 +191,40 @@ def test_legends_marks_and_table_say_what_is_shown(tmp_path: Path) -> None:
     assert (places[0, 0] > high[0]) & (places[1, 0] < low[0])
     (whisker,) = column(path, "/bars/whiskers", "strips")[2]
     assert np.array(whisker)[:, 1].tolist() == [LEVEL_OF_T8, LEVEL_OF_T8]
-    assert column(path, "/bars/whiskers/legend", "labels")[2].tolist() == [
-        "thin line: 19 of 20 such operations end there"
-    ]
     marks = column(path, "/now/landmarks", "positions")[2]
     np.testing.assert_allclose(marks, case.planned_landmarks.points, atol=1e-3)
     assert column(path, "/now/landmarks", "labels")[2].tolist() == list(case.landmarks_before.names)
+
+
+def luminance(colour: tuple[int, int, int]) -> float:
+    """Relative luminance of WCAG 2, from 0 to 1."""
+    parts = np.array(colour) / 255.0
+    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])
+
+
+def test_labels_can_be_read_on_the_viewers_box(tmp_path: Path) -> None:
+    case, mesh, displacement = known_case()
+    actual = replace(case, actual_skin=case.skin)
+    with start_recording(tmp_path / "a.rrd", actual, mesh) as recording:
+        for increment in known_increments(displacement, mesh):
+            recording.increment(increment, measured(case, mesh, increment))
+    labels = ["section/axes", "sides", "scale/marks", "bars/levels", "bars/angles", "bars/legend"]
+    labels += [f"section/{when}/angle" for when in ("before", "now", "target")]
+    labels += [f"{when}/levels" for when in ("before", "now", "target")]
+    for entity in labels:
+        for packed in {
+            int(colour) for each in column(tmp_path / "a.rrd", f"/{entity}", "colors").values() for colour in each
+        }:
+            ink = luminance((packed >> 24 & 255, packed >> 16 & 255, packed >> 8 & 255))
+            assert (luminance(LABEL_BOX) + 0.05) / (ink + 0.05) >= 4.5, entity
+
+
+def test_levels_are_named_apart_those_that_matter_among_them() -> None:
+    levels = ["T1", "T2", "T3", "T4", "T5", "T6"]
+    assert apart(levels, [], 2) == ["T1", "T3", "T5"]
+    assert apart(levels, ["T2", "T6"], 2) == ["T2", "T4", "T6"]
+    assert apart(levels, ["T4", "T5"], 3) == ["T1", "T4"]
 
 
 LEVEL_OF_T8 = list(BEFORE.rotations).index("T8")
@@ -203,7 +241,7 @@ def test_what_is_recorded_so_far_is_in_the_file(tmp_path: Path) -> None:
     recording.increment(increment, measured(case, mesh, increment))
     recording.bands([Measured(PREDICTED, "T8", "bsr_deg", 7.3, 4.0, 10.0)])
     recording.wait()
-    assert column(tmp_path / "a.rrd", "/bars/whiskers/legend", "labels")
+    assert "19 of 20" in column(tmp_path / "a.rrd", "/bars/legend", "labels")[2].item()
     recording.close()
 
 

@@ -16,6 +16,7 @@ import pytest
 from support.rrd import column
 from support.small_trunk import made_up_increments, measured, small_case, start_recording
 from warp_trunk.recording import start_viewer, viewer
+from warp_trunk.recording.colours import LABEL_BOX
 from warp_trunk.recording.viewer import address, page_server, stop
 
 pytestmark = pytest.mark.slow
@@ -103,6 +104,14 @@ def test_the_viewer_shows_every_view_without_an_error(recorded):
     )
     assert still == 0.0  # before
     assert moved > 5.0  # now
+
+
+@needs_vulkan
+def test_the_box_behind_a_label_is_the_one_its_colours_were_chosen_for(recorded):
+    with headless_viewer(recorded) as client:
+        last = picture(client, 3)
+    box = (last == LABEL_BOX).all(axis=2)
+    assert box.mean() > 0.005  # labels of sides, scale, section and bars
 
 
 @needs_vulkan

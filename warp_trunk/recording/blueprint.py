@@ -61,16 +61,16 @@ def layout(case: Case, before: TrunkMeasures, *, actual: bool, unit: str) -> Any
             trunk("Before", "before"),
             trunk("Now", "now"),
             *third,
-            trunk(f"The {bones} now", "now", "bones", "section", "levels"),
+            trunk(f"The {bones} now", "now", "bones", "section", "levels/**"),
         ),
         scale,
         row_shares=[12, 2],
         name="Hump" if before.bsr else "Displacement",
     )
     through = rrb.Horizontal(
-        trunk("Before", "before", "bones", "section", "levels"),
-        trunk("Now", "now", "bones", "section", "levels"),
-        trunk(aim, "target", "bones", "levels", skinned=actual),  # the skin of the spline is no goal
+        trunk("Before", "before", "bones", "section", "levels/**"),
+        trunk("Now", "now", "bones", "section", "levels/**"),
+        trunk(aim, "target", "bones", "levels/**", skinned=actual),  # the skin of the spline is no goal
         name=f"{bones.capitalize()} through the skin",
     )
     own = case.skin.colours
@@ -87,7 +87,9 @@ def layout(case: Case, before: TrunkMeasures, *, actual: bool, unit: str) -> Any
     )
     texts = rrb.Tabs(
         rrb.TextDocumentView(origin="/table", name="Summary"),
+        *([rrb.TextDocumentView(origin="/levels", name="Rotation by level")] if before.bsr else []),
         rrb.TextDocumentView(origin="/summary", name="Report"),
+        active_tab=0,
     )
     pictures = rrb.Tabs(coloured, through, *([] if own is None else [scanned]), active_tab=0)
     below = rrb.Horizontal(*of_spine, plots, column_shares=[*[3, 4][: len(of_spine)], 4])

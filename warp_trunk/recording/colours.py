@@ -17,6 +17,10 @@ GROUND, TEXT = (255, 255, 255), (34, 34, 34)
 GREY, NOW, TARGET = (118, 118, 118), (0, 90, 150), (191, 77, 0)
 """The report's grey, blue and vermilion, with a contrast of 4.5 to 1 to the ground, for every kind of colour
 vision."""
+LABEL_BOX = (149, 149, 149)
+"""The box of the viewer's dark theme behind a label on the ground; that of its light theme is lighter."""
+LABELS = {GREY: TEXT, NOW: (0, 44, 98), TARGET: (84, 26, 0), FUSED: (0, 44, 98), TEXT: TEXT}
+"""Colours of the labels of lines and bars, dark enough for 4.5 to 1 on that box."""
 PLOTTED = ((30, 130, 200), (213, 94, 0), (0, 158, 115), (204, 121, 167), (230, 159, 0), (86, 180, 233))
 """Of lines in plots, whose ground goes with the reader's theme: rotations, or the terms of an energy."""
 TOTAL = (125, 125, 125)

@@ -14,7 +14,7 @@ from warp_trunk.measures.number_text import sided
 from warp_trunk.measures.quantities import ACTUAL, BEFORE, Measured, MeasureTable
 from warp_trunk.measures.rows import RESEARCH, as_markdown, measure_rows
 
-from .colours import GREY, NOW, PLOTTED, TARGET, TEXT, TOTAL
+from .colours import GREY, LABELS, NOW, PLOTTED, TARGET, TEXT, TOTAL
 
 Angles = Mapping[str, float | None]
 
@@ -85,23 +85,32 @@ class Numbers:
         rows, middle = len(plot.levels), 0.5 * plot.width
         zero = [[[plot.zero, -0.7], [plot.zero, rows - 0.3]]]
         log("bars/zero", rr.LineStrips2D(zero, colors=TEXT), static=True)
-        names = self._labels(NAMES, {level: level for level in plot.levels}, TEXT)
+        worst = [before.worst_level] if before.worst_level else []
+        self._named = apart(plot.levels, worst, 2)
+        names = self._labels(NAMES, {level: level for level in self._named}, TEXT)
         log("bars/levels", names, static=True)
         states_legend = "grey before, blue now" + (", orange actual" if ACTUAL in angles else "")
-        legend = ["to the right: the right side stands further back", states_legend]
-        self._below = [[middle, rows + 2.1]]
-        log("bars/legend", _labels([[middle, rows - 0.3], [middle, rows + 0.9]], legend, TEXT), static=True)
+        self._legend = f"to the right: the right side stands further back\n{states_legend}"
+        self._below = [[middle, rows]]
 
     def measures(self, table: MeasureTable, load_factor: float) -> None:
         """Logs rotations and the table, whose state now is that at a load factor."""
         angles = table.values("now", "bsr_deg")
         self._log("bars/now", self._bars(angles, NOW, 1))
-        self._log("bars/angles", self._labels(ANGLES, {level: sided(a) for level, a in angles.items()}, NOW))
+        self._log("bars/legend", _labels(self._below, [self._legend], TEXT))
+        said = {level: sided(angles[level]) for level in self._named if level in angles}
+        self._log("bars/angles", self._labels(ANGLES, said, NOW))
         followed = [table.value("now", key, place) for key, place in self._places.items()]
         if followed:
             self._log("bsr", rr.Scalars([math.nan if angle is None else angle for angle in followed]))
         text = side_by_side(table, self._before, self._states, load_factor)
         self._log("table", rr.TextDocument(text, media_type="text/markdown"))
+        if angles:
+            shown = (BEFORE, "now", *self._states[1:])
+            columns = [table.values(state, "bsr_deg") for state in shown]
+            rows = [[level, *(sided(column.get(level)) for column in columns)] for level in self._plot.levels]
+            text = as_markdown(["[°]", *shown], rows)
+            self._log("levels", rr.TextDocument(text, media_type="text/markdown"))
 
     def bands(self, rotations: Mapping[str, Measured]) -> None:
         """Logs how sure the rotations at the end are, as whiskers over their bars."""
@@ -110,8 +119,8 @@ class Numbers:
         lines = self._plot.whiskers(ends)
         radii = rr.Radius.ui_points(0.6)
         self._log("bars/whiskers", rr.LineStrips2D(lines, radii=radii, colors=TEXT, draw_order=40.0))
-        legend = _labels(self._below, ["thin line: 19 of 20 such operations end there"], TEXT)
-        self._log("bars/whiskers/legend", legend)
+        legend = f"{self._legend}\nthin line: 19 of 20 such operations end there"
+        self._log("bars/legend", _labels(self._below, [legend], TEXT))
 
     def relaxation(self, energy: Energy, estimated_error: float) -> None:
         """Logs the energy by term and the error as its logarithm, after an increment."""
@@ -137,8 +146,17 @@ class Numbers:
 
 
 def _labels(at: list[list[float]], texts: list[str], colour: tuple[int, int, int]) -> Any:
-    """Texts, each below its point."""
-    return rr.Points2D(at, radii=0.0, colors=colour, labels=texts, show_labels=True)
+    """Texts for what has a colour, each below its point."""
+    return rr.Points2D(at, radii=0.0, colors=LABELS[colour], labels=texts, show_labels=True)
+
+
+def apart(levels: Sequence[str], first: Sequence[str], rows: int) -> list[str]:
+    """Levels whose labels do not lie on each other: at least `rows` apart, those that come `first` among them."""
+    chosen: list[int] = []
+    for place in [*map(levels.index, first), *range(len(levels))]:
+        if all(abs(place - other) >= rows for other in chosen):
+            chosen.append(place)
+    return [levels[place] for place in sorted(chosen)]
 
 
 def side_by_side(table: MeasureTable, before: TrunkMeasures, states: Sequence[str], load_factor: float) -> str:

@@ -17,7 +17,11 @@ from warp_trunk.measures.quantities import ACTUAL, MeasureTable
 from warp_trunk.views.clothing import COLOURS, Garment
 from warp_trunk.views.hump import SCALE_END, hump_palette
 
-from .colours import BONE, FUSED, GREY, NOW, TEXT, displacement_paint, hump_paint, painted, striped
+from .colours import BONE, FUSED, GREY, LABELS, NOW, TEXT, displacement_paint, hump_paint, painted, striped
+from .numbers import apart
+
+BESIDE = 70.0
+"""The names of the sides are this far from the skin, so that their boxes lie on the ground [mm]."""
 
 
 class Scene:
@@ -46,8 +50,10 @@ class Scene:
         self._bone_faces = bone_faces.reshape(-1, 3).astype(np.uint32)
         self._worn: dict[str, Garment] = {}
         plan = plan_in(case.plan_text)
-        self._levels = [*case.landmarks_before.vertebrae()] if case.has_spine else []
         self._fused = () if plan is None else fused_levels(plan)
+        levels = [*case.landmarks_before.vertebrae()] if case.has_spine else []
+        ends = [level for level in (*self._fused[:1], *self._fused[-1:]) if level in levels]
+        self._levels = apart(levels, ends, 3)
         self._fused_bones = [row for row, name in enumerate(trunk.bone_names) if name in self._fused]
         low, high = self._low, self._high = case.skin.vertices.min(axis=0), case.skin.vertices.max(axis=0)
         log("/", rr.ViewCoordinates.LBU, static=True)
@@ -55,7 +61,7 @@ class Scene:
         log("now/skin", rr.Mesh3D.from_fields(triangle_indices=faces), static=True)
         self._dress("now", case.skin, case.landmarks_before)
         deep, at = (low[1] + high[1]) / 2.0, low[2] + 0.08 * (high[2] - low[2])
-        sides = np.array([[high[0] + 20.0, deep, at], [low[0] - 20.0, deep, at]], np.float32)
+        sides = np.array([[high[0] + BESIDE, deep, at], [low[0] - BESIDE, deep, at]], np.float32)
         labels: dict[str, Any] = {"radii": 0.0, "colors": TEXT, "show_labels": True}
         if self._level:
             place = [[-(low[0] + high[0]) / 2.0, low[1] - 70.0]]
@@ -137,9 +143,14 @@ class Scene:
         if self._case.has_spine:
             spine = Landmarks(self._case.landmarks_before.names, points)
             middles = np.array([spine.of_bone(level).points.mean(axis=0) for level in self._levels], np.float32)
-            colours = [FUSED if level in self._fused and when != "before" else TEXT for level in self._levels]
-            levels = rr.Points3D(middles, radii=0.0, colors=colours, labels=self._levels, show_labels=True)
+            beside = middles.copy()
+            beside[:, 0] = self._low[0] - BESIDE
+            joined = self._fused if when != "before" else ()
+            colours = [LABELS[FUSED if level in joined else TEXT] for level in self._levels]
+            levels = rr.Points3D(beside, radii=0.0, colors=colours, labels=self._levels, show_labels=True)
             self._log(f"{when}/levels", levels, static=static)
+            leaders = rr.LineStrips3D(np.stack([middles, beside], axis=1), radii=0.4, colors=GREY)
+            self._log(f"{when}/levels/leaders", leaders, static=static)
 
     def section(
         self,
@@ -172,5 +183,5 @@ class Scene:
         self._log(f"{when}/section", rr.LineStrips3D(spatial, radii=1.2, colors=colour), static=static)
         strips = rr.LineStrips2D(flat, radii=rr.Radius.ui_points(1.5), colors=colour)
         self._log(f"section/{when}", strips, static=static)
-        label = rr.Points2D(at, radii=0.0, colors=colour, labels=texts, show_labels=True)
+        label = rr.Points2D(at, radii=0.0, colors=LABELS[colour], labels=texts, show_labels=True)
         self._log(f"section/{when}/angle", label, static=static)
