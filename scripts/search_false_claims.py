@@ -30,6 +30,8 @@ from warp_trunk import InputError, Tissue
 from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.newton import Relaxer
+from warp_trunk.engine.parallel import Parallel
+from warp_trunk.engine.physics import Physics
 from warp_trunk.engine.relaxation import Relaxation, RelaxOptions, RelaxStatus
 from warp_trunk.engine.simulation import SimulationOptions, simulate
 from warp_trunk.engine.trunk_mesh import TrunkMesh, oriented, tet_volumes
@@ -137,7 +139,7 @@ def random_block(rng: np.random.Generator) -> TrunkMesh:
         if not (trunk.bone < 0).any():
             continue
         try:
-            build_model(trunk, device="cpu", threads=1, energy="itmsm", skin_rigidity=0.0)
+            build_model(trunk, physics=Physics(energy="itmsm", skin_rigidity=0.0), device=Parallel("cpu", 1))
         except InputError:  # a part that no bone holds
             continue
         return trunk
@@ -148,12 +150,9 @@ def endings(drawn: Draw, trunk: TrunkMesh, moved: np.ndarray) -> Iterator[tuple[
     model = build_model(
         trunk,
         drawn.tissue,
-        energy=drawn.energy,
-        gravity=drawn.gravity,
+        Physics(energy=drawn.energy, gravity=drawn.gravity, skin_rigidity=0.0),
+        device=Parallel("cpu", 1),
         precision=drawn.precision,
-        device="cpu",
-        threads=1,
-        skin_rigidity=0.0,
     )
     options = RelaxOptions(tolerance=drawn.tolerance, max_steps=MOST_STEPS)
     if drawn.increments:

@@ -12,6 +12,7 @@ from warp_trunk import InputError, Landmarks, Surface, Tissue
 from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion, RigidBones, spline_path
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.energies.by_name import EnergyName
+from warp_trunk.engine.physics import Physics
 from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
 from warp_trunk.engine.simulation import SimulationOptions, simulate
 from warp_trunk.engine.trunk_mesh import TrunkMesh
@@ -93,8 +94,7 @@ def solve_truth(problem: Problem) -> np.ndarray:
     model = build_model(
         problem.trunk,
         problem.tissue,
-        energy=problem.energy,
-        skin_rigidity=problem.skin_rigidity,
+        Physics(energy=problem.energy, skin_rigidity=problem.skin_rigidity),
         device="cpu",
         precision="float64",
     )

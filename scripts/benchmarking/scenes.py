@@ -14,8 +14,9 @@ import warp as wp
 
 from warp_trunk import Case, measure
 from warp_trunk.engine.build import build_model
-from warp_trunk.engine.energies.by_name import EnergyName, WeightsName
 from warp_trunk.engine.model import Model
+from warp_trunk.engine.parallel import Parallel
+from warp_trunk.engine.physics import Physics
 from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
 from warp_trunk.engine.state import State
 from warp_trunk.measures import TrunkMeasures
@@ -84,35 +85,23 @@ def scenes_table(problem: Problem, setting: Setting) -> str:
 def make_scenes(problem: Problem, setting: Setting) -> list[Scene]:
     """The default and everything that is measured against it."""
 
-    def model(
-        precision: str = setting.precision,
-        gravity: float = 0.0,
-        energy: EnergyName = "itmsm",
-        weights: WeightsName = "count",
-        **tissue: float,
-    ) -> Model:
-        return build_model(
-            problem.trunk,
-            replace(problem.tissue, **tissue),
-            energy=energy,
-            weights=weights,
-            gravity=gravity,
-            device=setting.device,
-            precision=precision,
-            threads=setting.threads,
-            skin_rigidity=0.0,
-        )
+    papers, parallel = Physics(energy="itmsm", skin_rigidity=0.0), Parallel(setting.device, setting.threads)
+    continuum = replace(papers, energy="neo-hookean")
+
+    def model(physics: Physics = papers, precision: str = setting.precision, **tissue: float) -> Model:
+        tissues = replace(problem.tissue, **tissue)
+        return build_model(problem.trunk, tissues, physics, device=parallel, precision=precision)
 
     default = model()
     scenes = [
         Scene("default", default),
         Scene("no area term (epsilon 0)", model(epsilon=0.0)),
         Scene("no volume term (theta 0)", model(theta=0.0)),
-        Scene("gravity", model(gravity=GRAVITY)),
+        Scene("gravity", model(replace(papers, gravity=GRAVITY))),
         Scene("float64", model(precision="float64")),
-        Scene("weights by volume", model(weights="volume")),
-        Scene("neo-hookean, nu 0.45", model(energy="neo-hookean", poisson_ratio=0.45)),
-        Scene("neo-hookean, nu 0.49", model(energy="neo-hookean", poisson_ratio=0.49)),
+        Scene("weights by volume", model(replace(papers, weights="volume"))),
+        Scene("neo-hookean, nu 0.45", model(continuum, poisson_ratio=0.45)),
+        Scene("neo-hookean, nu 0.49", model(continuum, poisson_ratio=0.49)),
         Scene("skin and measures after each increment", default, lambda: _observing(problem, False)),
     ]
     if importlib.util.find_spec("rerun") is not None:

@@ -9,6 +9,8 @@ import numpy as np
 from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.model import Model
+from warp_trunk.engine.parallel import Parallel
+from warp_trunk.engine.physics import Physics
 from warp_trunk.engine.relaxation import Relaxation, RelaxOptions, RelaxStatus
 from warp_trunk.engine.simulation import SimulationOptions, simulate
 
@@ -51,11 +53,9 @@ def make_model(problem: Problem, setting: Setting) -> Model:
     return build_model(
         problem.trunk,
         problem.tissue,
-        energy=setting.energy,
-        skin_rigidity=problem.skin_rigidity,
-        device=setting.device,
+        Physics(energy=setting.energy, skin_rigidity=problem.skin_rigidity),
+        device=Parallel(setting.device, setting.threads),
         precision=setting.precision,
-        threads=setting.threads,
     )
 
 

@@ -13,10 +13,12 @@ from warp_trunk.engine.build import build_model
 from warp_trunk.engine.coupling import Coupling
 from warp_trunk.engine.energies.itmsm import Itmsm
 from warp_trunk.engine.linear import BlockMatrix
+from warp_trunk.engine.physics import Physics
 from warp_trunk.engine.tissue import EARTH_GRAVITY, Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
 from warp_trunk.errors import InputError
 
+ITMSM = Physics(energy="itmsm", skin_rigidity=0.0, alpha=0.3)
 MESHES = pytest.mark.parametrize(
     "mesh", [block(), block_with_bone(), single_tet()], ids=["block", "bone inside", "single"]
 )
@@ -174,9 +176,7 @@ def test_alpha_in_place_of_gravity_and_stiffness_is_the_one_given() -> None:
     """Two tissues keep the proportion of their Young's moduli."""
     tissues = (Tissue(youngs_modulus=8.0), Tissue(youngs_modulus=24.0))
     trunk = half_and_half(BLOCK)
-    model = build_model(
-        trunk, tissues, energy="itmsm", skin_rigidity=0.0, alpha=0.3, device="cpu", precision="float64"
-    )
+    model = build_model(trunk, tissues, ITMSM, device="cpu", precision="float64")
     assert isinstance(model.elements, Itmsm)
     assert model.elements.constants.alpha == pytest.approx(0.3, rel=1e-12)
     assert model.gravity == EARTH_GRAVITY
@@ -186,4 +186,4 @@ def test_alpha_in_place_of_gravity_and_stiffness_is_the_one_given() -> None:
         ({"energy": "neo-hookean"}, "constant of itmsm"),
     ):
         with pytest.raises(InputError, match=said):
-            build_model(BLOCK, **{"energy": "itmsm", "alpha": 0.3, **wrong})
+            replace(ITMSM, **wrong)

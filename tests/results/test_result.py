@@ -19,6 +19,8 @@ from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks
 from warp_trunk.case.points import Points
 from warp_trunk.case.uncertainty import Invented
 from warp_trunk.engine.build import build_model
+from warp_trunk.engine.parallel import Parallel
+from warp_trunk.engine.physics import Physics
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
@@ -41,7 +43,10 @@ WHOLE = {
 def simulated():
     case, trunk = small_case()
     model = build_model(
-        trunk, gravity=0.0, device="cpu", precision="float64", threads=1, energy="itmsm", skin_rigidity=0.0
+        trunk,
+        physics=Physics(energy="itmsm", skin_rigidity=0.0),
+        device=Parallel("cpu", 1),
+        precision="float64",
     )
     return case, trunk, model, made_up_increments(trunk)
 
@@ -188,7 +193,10 @@ def test_every_measure_comes_back_from_the_folder(tmp_path, seen):
         left = case.skin.vertices[:, 0] > 80.0
         case = replace(case, unseen=left, invented=Invented())
     model = build_model(
-        mesh, gravity=0.0, device="cpu", precision="float64", threads=1, energy="itmsm", skin_rigidity=0.0
+        mesh,
+        physics=Physics(energy="itmsm", skin_rigidity=0.0),
+        device=Parallel("cpu", 1),
+        precision="float64",
     )
     result = result_of(case, mesh, model, known_increments(displacement, mesh), RunAccount(seconds={"total": 1.0}))
     result.save(tmp_path)

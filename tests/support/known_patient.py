@@ -20,6 +20,8 @@ from support.small_trunk import made_up_increments
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.engine.build import build_model
+from warp_trunk.engine.parallel import Parallel
+from warp_trunk.engine.physics import Physics
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.results import RunAccount, result_of
@@ -176,7 +178,10 @@ def write_known_result(
     """The folder of her result."""
     case, mesh, displacement = known_case(after, mirrored=mirrored)
     model = build_model(
-        mesh, gravity=0.0, device="cpu", precision="float64", threads=1, energy="itmsm", skin_rigidity=0.0
+        mesh,
+        physics=Physics(energy="itmsm", skin_rigidity=0.0),
+        device=Parallel("cpu", 1),
+        precision="float64",
     )
     increments = known_increments(displacement, mesh)
     run = RunAccount(parameters={"tolerance": 0.01}, seconds={"total": 1.0}, intervals=intervals)

@@ -15,6 +15,7 @@ from warp_trunk.engine.linear import BlockMatrix
 from warp_trunk.engine.model import Model
 from warp_trunk.engine.newton import Relaxer
 from warp_trunk.engine.parallel import Parallel
+from warp_trunk.engine.physics import Physics
 from warp_trunk.engine.relaxation import Relaxation, RelaxOptions, RelaxStatus
 from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
 from warp_trunk.engine.state import State
@@ -34,8 +35,10 @@ def split_launches(threads: int = 2) -> Parallel:
 
 def model_of(trunk: TrunkMesh, tissue: Any = None, threads: int = 1, **options: Any) -> Model:
     """A model, by default of itmsm without a skin that resists bending, in float64 on one CPU thread."""
-    options = {"energy": "itmsm", "skin_rigidity": 0.0, "precision": "float64", **options}
-    return build_model(trunk, tissue, **{"device": split_launches(threads), **options})
+    options = {"device": split_launches(threads), "precision": "float64", **options}
+    where = {name: options.pop(name) for name in ("device", "precision")}
+    physics = Physics(**{"energy": "itmsm", "skin_rigidity": 0.0, **options})
+    return build_model(trunk, tissue, physics, **where)
 
 
 def evaluated(model: Model, displacement: np.ndarray) -> State:

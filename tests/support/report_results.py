@@ -8,6 +8,8 @@ import numpy as np
 
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.model import Model
+from warp_trunk.engine.parallel import Parallel
+from warp_trunk.engine.physics import Physics
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.measures.measures import measure_level
 from warp_trunk.measures.quantities import BETTER, EXACT, PREDICTED, WORSE, Measured
@@ -23,7 +25,10 @@ def result_model() -> Model:
     """Options of these results."""
     _, trunk = small_case()
     return build_model(
-        trunk, gravity=0.0, device="cpu", precision="float64", threads=1, energy="itmsm", skin_rigidity=0.0
+        trunk,
+        physics=Physics(energy="itmsm", skin_rigidity=0.0),
+        device=Parallel("cpu", 1),
+        precision="float64",
     )
 
 

@@ -1,45 +1,14 @@
-"""Whether a mesh, its tissues and the options can make a model, before anything is uploaded."""
+"""Whether a mesh and its tissues can make a model, before anything is uploaded."""
 
 from __future__ import annotations
-
-from collections.abc import Iterable
-from typing import get_args
 
 import numpy as np
 
 from warp_trunk.errors import InputError
 
-from .energies.by_name import EnergyName, WeightsName
-from .rest_mesh import PRECISIONS
 from .tissue import Tissue
 from .topology import find_pieces
 from .trunk_mesh import TrunkMesh
-
-
-def check_arguments(
-    energy: str, weights: str, precision: str, skin_rigidity: float, gravity: float, alpha: float | None = None
-) -> None:
-    """InputError where an argument of `build_model` that no mesh is needed for is out of its range."""
-    _check_choice("precision", precision, PRECISIONS)
-    _check_choice("energy", energy, get_args(EnergyName))
-    _check_choice("weights", weights, get_args(WeightsName))
-    if not (np.isfinite(skin_rigidity) and skin_rigidity >= 0.0):
-        raise InputError(f"skin_rigidity: must be a finite number of N mm, 0 or more, not {skin_rigidity}")
-    if not np.isfinite(gravity):
-        raise InputError(f"gravity: must be a finite acceleration in m/s^2, not {gravity}")
-    if alpha is not None:
-        if not (np.isfinite(alpha) and alpha >= 0.0):
-            raise InputError(f"alpha: must be a finite number, 0 or more, not {alpha}")
-        if energy != "itmsm":
-            raise InputError(f"alpha: is a constant of itmsm (eq. 4.6), not of {energy}; give gravity")
-        if gravity:
-            raise InputError(f"alpha: is gravity against stiffness; leave it or gravity = {gravity:g} m/s^2 out")
-
-
-def _check_choice(name: str, value: str, choices: Iterable[str]) -> None:
-    """InputError where the value is none of the choices."""
-    if value not in choices:
-        raise InputError(f"{name}: must be {' or '.join(choices)}, not '{value}'")
 
 
 def check_tissues(trunk: TrunkMesh, tissues: tuple[Tissue, ...]) -> None:

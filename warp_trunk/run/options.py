@@ -12,6 +12,7 @@ from warp_trunk.case.tissue_file import check_named
 from warp_trunk.checking import check_fields
 from warp_trunk.engine.energies.by_name import EnergyName, WeightsName
 from warp_trunk.engine.parallel import MOST_THREADS
+from warp_trunk.engine.physics import Physics
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.engine.tissue import (
     EARTH_GRAVITY,
@@ -118,6 +119,17 @@ class RunOptions:
         if self.energy is not None:
             return self.energy
         return ENERGY if self.bones == "follow" and self.weights == "count" else "itmsm"
+
+    @property
+    def physics(self) -> Physics:
+        """What the energy of a trunk is made of."""
+        return Physics(
+            energy=self.energy_of_tissue,
+            weights=self.weights,
+            skin_rigidity=self.rigidity_of_skin,
+            gravity=self.gravity,
+            alpha=self.alpha,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -177,11 +177,7 @@ class MeshedPatient:
             model = build_model(
                 trunk,
                 case.tissue if trunk.tissue is None else (case.layers or Layers()).tissues(case.tissue),
-                energy=options.energy_of_tissue,
-                weights=options.weights,
-                skin_rigidity=options.rigidity_of_skin,
-                gravity=options.gravity,
-                alpha=options.alpha,
+                options.physics,
                 device=Parallel(self.execution.device, self.execution.threads),
                 precision=options.precision,
             )

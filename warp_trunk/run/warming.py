@@ -6,6 +6,7 @@ import hashlib
 import json
 import subprocess
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ import warp as wp
 import warp_trunk.kernels
 from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion
 from warp_trunk.engine.build import build_model
+from warp_trunk.engine.parallel import Parallel
+from warp_trunk.engine.physics import Physics
 from warp_trunk.engine.simulation import SimulationOptions, simulate
 from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
 from warp_trunk.geometry.surface import unit
@@ -56,11 +59,9 @@ class CompilationAhead:
 
 
 def _settings(options: RunOptions, execution: Execution) -> dict[str, Any]:
-    """The options that kernels depend on, as arguments of `build_model`."""
-    names = ("weights", "gravity", "alpha", "precision")
-    own = {"energy": options.energy_of_tissue, "skin_rigidity": options.rigidity_of_skin}
-    own |= {"device": execution.device, "threads": execution.threads}
-    return own | {name: getattr(options, name) for name in names}
+    """The options that kernels depend on."""
+    own = {"device": execution.device, "threads": execution.threads, "precision": options.precision}
+    return own | {"physics": asdict(options.physics)}
 
 
 def _marker(settings: dict[str, Any]) -> Path:
@@ -80,7 +81,9 @@ def _relax_ball(settings: dict[str, Any]) -> None:
     """Relaxes a ball whose core of bone moves aside by a millimetre."""
     trunk = ball()
     path = PrescribedMotion(np.full(trunk.nodes.shape, [1.0, 0.0, 0.0]))
-    for _ in simulate(build_model(trunk, **settings), path, SimulationOptions(increments=2)):
+    physics, parallel = Physics(**settings["physics"]), Parallel(settings["device"], settings["threads"])
+    model = build_model(trunk, physics=physics, device=parallel, precision=settings["precision"])
+    for _ in simulate(model, path, SimulationOptions(increments=2)):
         pass
 
 

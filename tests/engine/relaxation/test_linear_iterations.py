@@ -7,16 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from support.models import model_of
 from support.small_trunk import small_case
 from warp_trunk.bone_motion.prescribed_motion import spline_path
 from warp_trunk.engine import multigrid
-from warp_trunk.engine.build import build_model
 from warp_trunk.engine.dense_inverse import DenseInverse
 from warp_trunk.engine.energies.by_name import EnergyName
 from warp_trunk.engine.linear import BlockMatrix, ConjugateGradient
 from warp_trunk.engine.multigrid import Multigrid
 from warp_trunk.engine.node_groups import MEMBERS, STIFF, NodeGroups, tie
+from warp_trunk.engine.parallel import Parallel
 from warp_trunk.engine.state import State
+from warp_trunk.engine.tissue import SKIN_RIGIDITY
 from warp_trunk.engine.work import Work
 
 LOAD_FACTORS = (0.1, 0.5, 1.0)
@@ -35,9 +37,7 @@ def iterations(energy: EnergyName) -> int:
     """Iterations of all solves, with the curvature at rest."""
     case, trunk = small_case()
     path = spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks, "cpu")
-    state = State(
-        build_model(trunk, energy=energy, device="cpu", precision="float64", threads=2, skin_rigidity=0.0)
-    )
+    state = State(model_of(trunk, energy=energy, device=Parallel("cpu", 2)))
     matrix = BlockMatrix(state)
     matrix.assemble_projected()
     solver = ConjugateGradient(matrix, Multigrid(matrix), state.gradient)
@@ -119,7 +119,7 @@ def test_groups_are_tied_as_by_the_matrix_of_their_translations(seed: int) -> No
 def test_groups_of_tied_nodes_are_inverted_as_a_whole() -> None:
     """Against NumPy's solution of each group's block, which D^-1 alone does not give."""
     _, trunk = small_case()
-    state = State(build_model(trunk, energy="itmsm", device="cpu", precision="float64", threads=2))
+    state = State(model_of(trunk, device=Parallel("cpu", 2), skin_rigidity=SKIN_RIGIDITY))
     matrix, model = BlockMatrix(state), state.model
     matrix.assemble_projected()
     groups = NodeGroups(matrix)
@@ -145,7 +145,7 @@ def test_groups_of_tied_nodes_are_inverted_as_a_whole() -> None:
 def test_noise_is_larger_in_a_group_by_its_size() -> None:
     """As its block is at most that many times those of its nodes; by means over nodes in the norm of D."""
     _, trunk = small_case()
-    work = Work(State(build_model(trunk, energy="itmsm", device="cpu", precision="float64", threads=2)))
+    work = Work(State(model_of(trunk, device=Parallel("cpu", 2), skin_rigidity=SKIN_RIGIDITY)))
     work.certificate._color()
     noise, size = work.solver.noise.numpy(), np.ones(work.state.model.free_nodes, dtype=int)
     for group in work.preconditioner.groups.members:
