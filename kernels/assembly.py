@@ -15,8 +15,8 @@ INVERTED, NEWLY_INVERTED, FIRST_TERM = range(3)
 """Columns of the sums: counts of tetrahedra, then the terms of an energy in an order of its own."""
 COLUMNS = 8
 """Eight doubles fill a cache line, so that two threads never write to the same one."""
-BENDING = COLUMNS - 1
-"""Column of the bending of the skin, whichever energy the tissue has."""
+LARGEST, BENDING = COLUMNS - 2, COLUMNS - 1
+"""Columns of the largest squared displacement, a maximum and no sum, and of the bending of the skin."""
 WARP = 32
 """Threads of a CUDA warp."""
 NUMBERS = 9

@@ -104,10 +104,9 @@ def find_beta(r_dot_z: Dots, p_dot_q: Dots) -> wp.float64: ...
 
 @cache
 def conjugate_gradient_kernels(scalar: type) -> SimpleNamespace:
-    """The kernels of the loop, in its order, in one precision; on CUDA `sparse` and `multigrid` do the vector
-    steps."""
+    """The kernels of the loop, in its order, in one precision; on CUDA `sparse` updates the search direction."""
     vec3 = wp.types.vector(3, scalar)
-    _, Vectors, _ = array_types(scalar)
+    Numbers, Vectors, _ = array_types(scalar)
     module = f"conjugate_gradient_{scalar.__name__}"
 
     @wp.kernel(module=module, enable_backward=False)
@@ -153,6 +152,31 @@ def conjugate_gradient_kernels(scalar: type) -> SimpleNamespace:
         residual: Vectors,
     ):
         """x += alpha p, r -= alpha q on the CPU, but before the first iteration."""
+
+    @wp.kernel(module=module, enable_backward=False)
+    def step(
+        items: Items,
+        r_dot_z: Dots,
+        p_dot_q: Dots,
+        p: Numbers,
+        q: Numbers,
+        x: Numbers,
+        r: Numbers,
+        residual: Numbers,
+    ):
+        """The same on CUDA, with a copy of r that has four numbers a node."""
+        k = items.first + wp.tid()
+        if k < items.end:
+            own = r[k]
+            done = p_dot_q.iteration[0]
+            if k == 0:
+                r_dot_z.iteration[0] = done + 1  # which no thread reads here
+            if done >= 0:
+                alpha = scalar(find_alpha(r_dot_z, p_dot_q))
+                own -= alpha * q[k]
+                r[k] = own
+                x[k] = x[k] + alpha * p[k]
+            residual[4 * (k // 3) + k % 3] = own
 
     @wp.kernel(module=module, enable_backward=False)
     def measure(items: Items, solution: Vectors, earlier: Vectors, measures: Sums):
@@ -236,6 +260,7 @@ def conjugate_gradient_kernels(scalar: type) -> SimpleNamespace:
         start=start,
         update_search=update_search,
         update_solution=update_solution,
+        step=step,
         measure=measure,
         test_convergence=test_convergence,
     )

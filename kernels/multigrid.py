@@ -2,9 +2,8 @@
 
 On the CPU each grid has a launch down and a launch up, loops in C++ as in `sparse`. On CUDA, where a launch costs
 more than most of its work, every grid interpolates directly to the nodes, so that three launches apply all of
-them. Before them the step of conjugate gradients writes the residual with four numbers a node: it is gathered 24
-times, and a vector of 16 bytes is read at once. Weights and the dense inverse have 16 bits there: they shape a
-preconditioner, and nothing of the solution."""
+them. They read the residual with four numbers a node. Weights and the dense inverse have 16 bits there: they shape
+a preconditioner, and nothing of the solution."""
 
 from functools import cache
 from types import SimpleNamespace
@@ -12,7 +11,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from .arguments import Ints, Items, array_types
-from .conjugate_gradient import KEEP_PRODUCT, Dots, find_alpha
+from .conjugate_gradient import KEEP_PRODUCT, Dots
 from .native import FOUR_TYPES, native_kernel, real
 from .node_groups import MEMBERS, groups_type
 from .vectors import add_sum, component, lane_reducer
@@ -371,31 +370,6 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         ...
 
     @wp.kernel(module=module, enable_backward=False)
-    def step(
-        items: Items,
-        r_dot_z: Dots,
-        p_dot_q: Dots,
-        p: Numbers,
-        q: Numbers,
-        x: Numbers,
-        r: Numbers,
-        residual: Numbers,
-    ):
-        """x += alpha p and r -= alpha q but before the first iteration; a copy of r with four numbers a node."""
-        k = items.first + wp.tid()
-        if k < items.end:
-            own = r[k]
-            done = p_dot_q.iteration[0]
-            if k == 0:
-                r_dot_z.iteration[0] = done + 1  # which no thread reads here
-            if done >= 0:
-                alpha = scalar(find_alpha(r_dot_z, p_dot_q))
-                own -= alpha * q[k]
-                r[k] = own
-                x[k] = x[k] + alpha * p[k]
-            residual[4 * (k // 3) + k % 3] = own
-
-    @wp.kernel(module=module, enable_backward=False)
     def restrict(
         items: Items,
         coarsest: int,
@@ -508,4 +482,4 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
             value = wp.float64(component(own, c)) * wp.float64(corrected)
         add_sum(r_dot_z.products, r_dot_z.iteration[0], 0, value)
 
-    return SimpleNamespace(step=step, restrict=restrict, dense=dense, prolong=prolong)
+    return SimpleNamespace(restrict=restrict, dense=dense, prolong=prolong)

@@ -200,12 +200,12 @@ def vector_kernels(scalar: type) -> SimpleNamespace:
             colored[i] = vec3(wp.vec3d((w[0] - xy * second - xz * third) / x, second, third))
 
     @wp.kernel(module=module, enable_backward=False)
-    def longest(items: Items, vectors: Vectors, longest: Sums):
-        """Largest squared length of a vector."""
+    def longest(items: Items, vectors: Vectors, column: int, longest: Sums):
+        """Largest squared length of a vector, in a column."""
         i = items.first + wp.tid()
         squared = wp.float64(0.0)
         if i < items.end:
             squared = wp.float64(wp.length_sq(vectors[i]))
-        keep_largest(longest, items.slab, 0, squared)
+        keep_largest(longest, items.slab, column, squared)
 
     return SimpleNamespace(step=step, products=products, extrapolate=extrapolate, color=color, longest=longest)

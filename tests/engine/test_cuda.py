@@ -132,12 +132,12 @@ def test_the_preconditioner_is_symmetric_and_positive(
     state, matrix = stretched("cuda:0", precision)
     model, generator = state.model, np.random.default_rng(3)
     at = Iterates.zero(model, 1)
-    apply = Multigrid(matrix).step_and_apply(at)
+    apply = Multigrid(matrix).apply(at)
     drawn = [generator.normal(size=(model.free_nodes, 3)) for _ in range(2)]
     preconditioned, products = [], []
     for vectors in drawn:
-        at.residual.assign(vectors)
-        at.r_dot_z.iteration.fill_(-1)
+        at.residual_of_four.assign(np.pad(vectors, ((0, 0), (0, 1))))
+        at.r_dot_z.iteration.zero_()
         at.r_dot_z.products.zero_()
         apply()
         preconditioned.append(at.preconditioned.numpy().astype(float))

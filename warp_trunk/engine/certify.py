@@ -35,7 +35,7 @@ from warp_trunk.kernels.vectors import vector_kernels
 from .linear import BlockMatrix, ConjugateGradient
 from .outcome import LinearSolution
 from .parallel import Readback
-from .policy import POLICY, Action, Run, decide_end, stretch
+from .policy import POLICY, Action, Run, stretch
 
 POWERS = 20
 """Of the inverse matrix of Lanczos, by which its largest eigenvalue is found."""
@@ -72,7 +72,7 @@ class Certificate:
         self._find_change = model.parallel.graph(
             model.over_free(kernels.step, [back, solver.solution, before], [change]),
             largest.zero_,
-            model.over_free(kernels.longest, [change], [largest]),
+            model.over_free(kernels.longest, [change, 0], [largest]),
             self._largest_change.send,
         )
 
@@ -94,7 +94,7 @@ class Certificate:
             first, chance = self.chances_of_saddle()
             hidden, rounding = self.hidden(floor) if chance <= POLICY.chance else (0.0, 0.0)
             run.estimate.floor = max(run.estimate.floor, rounding)
-            action = decide_end(run, solution, chance, hidden)
+            action = run.after_noise(solution, chance, hidden)
             if action is not Action.CERTIFY:
                 return action, spent
             before = solution.iterations

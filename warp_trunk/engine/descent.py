@@ -7,7 +7,6 @@ of soft tissue changes less than it rounds. One Newton solve there estimates how
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 
 import numpy as np
@@ -20,6 +19,7 @@ from .line_search import search
 from .newton import Relaxer, estimate_distance
 from .relaxation import Relaxation, RelaxStatus, RelaxStep
 from .state import Products, State, longest
+from .work import Work
 
 MEMORY = 10
 """Energies the line search looks back on: a spectral step may raise the energy for a while."""
@@ -34,9 +34,9 @@ class ProjectedGradient:
 
     def __init__(self, relaxer: Relaxer) -> None:
         """Records the direction downhill."""
-        self._relaxer, self._state, model = relaxer, relaxer.state, relaxer.model
+        self._relaxer, model = relaxer, relaxer.model
         if (work := relaxer.work) is not None:
-            downhill = [model.array(np.array([-1.0]), wp.float64), model.free_vectors(), self._state.gradient]
+            downhill = [model.array(np.array([-1.0]), wp.float64), model.free_vectors(), relaxer.state.gradient]
             self._turn_downhill = model.over_free(vector_kernels(model.scalar).step, downhill, [work.direction])
         edges = model.rest[model.corners[:, [0, 0, 0, 1, 1, 2]]] - model.rest[model.corners[:, [1, 2, 3, 2, 3, 3]]]
         self._mean_edge = float(np.linalg.norm(edges, axis=-1).mean())
@@ -49,17 +49,10 @@ class ProjectedGradient:
         `watch` is called after each accepted step, whose estimated error is not known; for it and `user` see
         `Relaxer.relax`.
         """
-        return self._relaxer.ownership.work(user, self._relax, watch)
+        return self._relaxer.evaluate_and(self._descend, watch, user)
 
-    def _relax(self, watch: Callable[[RelaxStep, State], None] | None) -> Relaxation:
-        """See `relax`."""
-        start, state, work = time.perf_counter(), self._state, self._relaxer.work
-        (state if work is None else work).evaluate()
-        history = History(state, start, watch)
-        if not math.isfinite(history.energy.total):
-            return history.end(RelaxStatus.NOT_FINITE, math.inf)
-        if work is None:
-            return history.end(RelaxStatus.CONVERGED, 0.0)
+    def _descend(self, work: Work, history: History) -> Relaxation:
+        """The loop; see `relax`."""
         length = self._first_length()
         for _step in range(self._relaxer.options.max_steps):
             self._turn_downhill()
@@ -78,7 +71,7 @@ class ProjectedGradient:
 
     def _first_length(self) -> float:
         """A length that moves the node of the largest gradient by a part of a mean edge."""
-        steepest = float(longest(self._state.gradient.numpy()[self._relaxer.model.free]))
+        steepest = float(longest(self._relaxer.state.gradient.numpy()[self._relaxer.model.free]))
         return FIRST_MOVE * self._mean_edge / steepest if steepest > 0.0 else 1.0
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
@@ -34,7 +35,7 @@ from warp_trunk.kernels.vectors import vector_kernels
 from .assembly import assemble_symmetric
 from .model import Model
 from .outcome import LinearSolution, Outcome
-from .parallel import Launch, Readback, in_sequence, view
+from .parallel import Launch, Readback, in_sequence, nothing, view
 from .state import State
 from .topology import equal_parts
 
@@ -58,6 +59,9 @@ class Iterates:
     """x [mm]."""
     residual: wp.array
     """r = b - H x."""
+    residual_of_four: wp.array
+    """On CUDA, r with four numbers a node, shape (free nodes,), vec4: it is gathered 24 times, and 16 bytes are
+    read at once."""
     preconditioned: wp.array
     """z = M^-1 r."""
     search: wp.array
@@ -76,17 +80,15 @@ class Iterates:
         for dots in (r_dot_z, p_dot_q):
             dots.iteration.fill_(-1)
         x, r, z, p, q = (model.free_vectors() for _ in range(5))
-        return cls(x, r, z, p, q, r_dot_z, p_dot_q)
+        of_four = model.zeros(wp.types.vector(4, model.scalar), model.free_nodes * model.parallel.is_cuda)
+        return cls(x, r, of_four, z, p, q, r_dot_z, p_dot_q)
 
 
 class Preconditioner(Protocol):
     """A symmetric positive definite M that is near the matrix and whose inverse is cheap to apply."""
 
-    def step_and_apply(self, at: Iterates) -> Launch:
-        """Records the step of conjugate gradients, which counts the iteration, then z = M^-1 r with r . z.
-
-        Both in one: fewer launches are faster.
-        """
+    def apply(self, at: Iterates) -> Launch:
+        """Records z = M^-1 r with r . z."""
         ...
 
 
@@ -145,9 +147,8 @@ class BlockMatrix:
         model = self.model
         if model.parallel.is_cuda:
             unused = model.free_vectors()
-            return self.update_search_and_multiply(
-                Iterates(unused, unused, p, unused, q, zero_dots(model), p_dot_q)
-            )
+            at = Iterates(unused, unused, unused, p, unused, q, zero_dots(model), p_dot_q)
+            return self.update_search_and_multiply(at)
         carried = model.zeros(wp.types.vector(4, model.scalar), len(p))
         inputs = [self.row_start, self.columns, self.blocks, p]
         return model.parallel.record(cpu_product_kernel(model.scalar), self.bounds, inputs, [q, p_dot_q, carried])
@@ -165,10 +166,15 @@ class BlockMatrix:
         return in_sequence(update, self.multiply(at.search, at.product, at.p_dot_q))
 
     def update_solution(self, at: Iterates) -> Launch:
-        """Records the step on the CPU, x += alpha p and r -= alpha q, but before the first iteration."""
-        kernel = conjugate_gradient_kernels(self.model.scalar).update_solution
-        inputs = [at.r_dot_z, at.p_dot_q, at.search, at.product]
-        return self.model.parallel.record(kernel, self.bounds, inputs, [at.solution, at.residual])
+        """Records x += alpha p and r -= alpha q, but before the first iteration; it counts the iteration."""
+        model, kernels = self.model, conjugate_gradient_kernels(self.model.scalar)
+        dots, vectors = [at.r_dot_z, at.p_dot_q], [at.search, at.product, at.solution, at.residual]
+        if model.parallel.is_cuda:
+            size = 3 * model.free_nodes
+            numbers = [view(each, model.scalar, size) for each in vectors]
+            of_four = view(at.residual_of_four, model.scalar, 4 * model.free_nodes)
+            return model.parallel.record(kernels.step, size, [*dots, *numbers], [of_four])
+        return model.parallel.record(kernels.update_solution, self.bounds, [*dots, *vectors], [])
 
 
 class ConjugateGradient:
@@ -205,8 +211,8 @@ class ConjugateGradient:
             Readback(parallel, array) for array in (outcome, at.r_dot_z.products, at.p_dot_q.products)
         )
         self.solution, self.residual, self.search = x, r, p = at.solution, at.residual, at.search
-        precondition = preconditioner.step_and_apply(at)
-        iterate = in_sequence(matrix.update_search_and_multiply(at), precondition)
+        step_and_precondition = in_sequence(matrix.update_solution(at), preconditioner.apply(at))
+        iterate = in_sequence(matrix.update_search_and_multiply(at), step_and_precondition)
         kernels = conjugate_gradient_kernels(model.scalar)
         earlier, measures = model.free_vectors(), model.zeros(wp.float64, ranges, PADDING)
         self._start = model.over_free(kernels.start, [gradient], [x, r, p, earlier])
@@ -224,7 +230,9 @@ class ConjugateGradient:
             return parallel.repeat(running, in_sequence(*[iterate] * size, self._measure, self._test_convergence))
 
         def run(first: Launch, size: int = WINDOW, *more: Launch) -> Launch:
-            return parallel.graph(self._reset, first, precondition, windows(size), self._outcome.send, *more)
+            return parallel.graph(
+                self._reset, first, step_and_precondition, windows(size), self._outcome.send, *more
+            )
 
         self._run, self._run_short = run(self._start), run(self._start, SHORT_WINDOW)  # d = 0, r = -g
         coefficients = self._r_dot_z.send, self._p_dot_q.send
@@ -232,22 +240,26 @@ class ConjugateGradient:
         go_on = partial(running.fill_, 1)
         self._go_on = parallel.graph(go_on, windows(WINDOW), self._outcome.send, *coefficients)
 
-    def solve(self, absolute: float, relative: float, least_iterations: float = 0.0) -> LinearSolution:
+    def solve(
+        self,
+        absolute: float,
+        relative: float,
+        least_iterations: float = 0.0,
+        *,
+        short: bool = False,
+        meanwhile: Callable[[], None] = nothing,
+    ) -> LinearSolution:
         """Solves H d = -g for the gradient as it is now.
 
         It ends when no vector of d is estimated to be wrong by more than `absolute` [mm] or `relative` of the
         longest, and not before `least_iterations`: a residual falls long before the long waves of the solution
         have come. It also ends at a search direction of negative curvature, where the matrix has no least energy
-        (Steihaug 1983)."""
-        self.launch(absolute, relative, least_iterations)
-        return self.read()
-
-    def launch(
-        self, absolute: float, relative: float, least_iterations: float = 0.0, *, short: bool = False
-    ) -> None:
-        """Begins what `solve` does, with `short` windows or not; `read` waits for its end."""
+        (Steihaug 1983). It looks in `short` windows or not. `meanwhile` is called while a
+        device is at work."""
         self._limit(absolute, relative, least_iterations)
         (self._run_short if short else self._run)()
+        meanwhile()
+        return self.read()
 
     def add_noise(self, amount: float) -> LinearSolution:
         """Continues a solve that was SOLVED with an amount of `noise` added to its residual, by new iterations.
@@ -272,7 +284,7 @@ class ConjugateGradient:
             self._set_limits = limits
 
     def read(self) -> LinearSolution:
-        """How the solve that was launched last ended."""
+        """How the last solve ended; waits for it."""
         outcome = self._outcome.read()
         end = Outcome.SOLVED
         if not math.isfinite(outcome[SOLUTION_LENGTH]):

@@ -92,7 +92,7 @@ class Multigrid:
         else:
             between = [_Interpolation(model, g.interpolate(finer.positions)) for finer, g in pairwise(laid)]
             levels = CpuLevels(matrix, [onto_nodes[0], *between], diagonals, inverse, self.groups)
-        self.step_and_apply = levels.step_and_apply
+        self.apply = levels.apply
 
 
 class _Interpolation:
@@ -133,7 +133,7 @@ class CpuLevels:
         self._matrix, self._grids, self._groups = matrix, grids, groups
         self._inverse_diagonals, self._inverse = inverse_diagonals, DenseProduct(matrix.model, inverse)
 
-    def step_and_apply(self, at: Iterates) -> Launch:
+    def apply(self, at: Iterates) -> Launch:
         """See `Preconditioner`."""
         matrix, groups, model = self._matrix, self._groups, self._matrix.model
         kernels, record = cpu_grid_kernels(model.scalar), model.parallel.record
@@ -154,11 +154,11 @@ class CpuLevels:
             members = groups_type(model.scalar)()  # none
         solve = self._inverse.record(r, z, matrix.split(self._inverse.strips))
         correct = groups.correct(at.residual)
-        return in_sequence(matrix.update_solution(at), correct, *down, solve, *up[::-1])
+        return in_sequence(correct, *down, solve, *up[::-1])
 
 
 class CudaLevels:
-    """The grids on CUDA: all interpolate to the nodes, so that three launches apply them after a step.
+    """The grids on CUDA: all interpolate to the nodes, so that three launches apply them.
 
     Vertices are numbered through from the coarsest grid on.
     """
@@ -207,28 +207,19 @@ class CudaLevels:
         self._scale = model.array(inverse.scale, wp.float32)
         self._inverse = model.array(inverse.in_half_precision(), wp.float16)
 
-    def step_and_apply(self, at: Iterates) -> Launch:
+    def apply(self, at: Iterates) -> Launch:
         """See `Preconditioner`."""
         matrix, groups, kernels, model = self._matrix, self._groups, self._kernels, self._matrix.model
         record = model.parallel.record
         rows, columns = len(self._scale), self._inverse.shape[1]
         vec4: Any = wp.types.vector(4, model.scalar)
-        residual, correction = model.zeros(vec4, model.free_nodes), model.zeros(vec4, self._vertices)
+        residual, correction = at.residual_of_four, model.zeros(vec4, self._vertices)
         coarsest_residual = model.zeros(wp.float32, columns)
-
-        def numbers(array: wp.array) -> wp.array:
-            return view(array, model.scalar, 3 * len(array))
 
         scale = view(self._scale, wp.vec3f, self._coarsest)
         by_few = self._vertices - self._coarsest - self._far + len(groups.arrays.group_of)
         grids = [self._coarsest, self._far, *self._by_vertex, self._inverse_diagonal, scale]
         return in_sequence(
-            record(
-                kernels.step,
-                3 * model.free_nodes,
-                [at.r_dot_z, at.p_dot_q, numbers(at.search), numbers(at.product)],
-                [numbers(at.solution), numbers(at.residual), view(residual, model.scalar, 4 * len(residual))],
-            ),
             record(
                 kernels.restrict,
                 self._coarsest * BLOCK_LANES + self._far * VERTEX_LANES + by_few * FEW_LANES,
@@ -252,7 +243,7 @@ class CudaLevels:
                     groups.arrays,
                     residual,
                 ],
-                [numbers(at.preconditioned), at.r_dot_z],
+                [view(at.preconditioned, model.scalar, 3 * model.free_nodes), at.r_dot_z],
             ),
         )
 

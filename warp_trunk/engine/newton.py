@@ -22,8 +22,8 @@ from .model import Model
 from .multigrid import Multigrid
 from .outcome import Outcome
 from .ownership import Ownership
-from .parallel import takes_turns
-from .policy import Action, Reuse, Run, Saddle, decide, decide_claim, plan, searched
+from .parallel import nothing, takes_turns
+from .policy import Action, Reuse, Run, Saddle, judge_trial
 from .relaxation import Relaxation, RelaxOptions, RelaxStatus, RelaxStep, check_tolerance
 from .state import State
 from .work import Work
@@ -89,7 +89,7 @@ class Relaxer:
         confirm_inverted: bool = True,
         near: bool = False,
         reuse: bool = False,
-        meanwhile: Callable[[], None] | None = None,
+        meanwhile: Callable[[], None] = nothing,
         user: object | None = None,
     ) -> Relaxation:
         """Relaxes `state` until it is known to be nearer to an equilibrium, no saddle, than the tolerance [mm].
@@ -110,32 +110,49 @@ class Relaxer:
         """
         check_tolerance(tolerance := self.options.tolerance if tolerance is None else tolerance)
         run = Run(tolerance, confirm, saddle=Saddle(try_true=confirm and near), reuse=Reuse(hessian=reuse))
-        return self.ownership.work(user, self._relax, run, watch, confirm, confirm_inverted, meanwhile)
 
-    def _relax(
+        def loop(work: Work, history: History) -> Relaxation:
+            return self._descend(work, history, run, confirm_inverted, meanwhile)
+
+        return self.evaluate_and(loop, watch, user)
+
+    def evaluate_and(
         self,
-        run: Run,
+        loop: Callable[[Work, History], Relaxation],
         watch: Callable[[RelaxStep, State], None] | None,
-        confirm: bool,
-        confirm_inverted: bool,
-        meanwhile: Callable[[], None] | None,
+        user: object | None,
     ) -> Relaxation:
-        """See `relax`."""
-        start = time.perf_counter()
-        work = self.work
-        (self.state if work is None else work).evaluate()
-        history = History(self.state, start, watch)
-        if not math.isfinite(history.energy.total):
-            return history.end(RelaxStatus.NOT_FINITE, math.inf)
-        if work is None:
-            return history.end(RelaxStatus.CONVERGED, 0.0)
-        estimate = run.estimate
-        estimate.floor = work.floor()
-        run.confirm = confirm and (confirm_inverted or not history.inverted_tets)
-        for _step in range(self.options.max_steps):
+        """Evaluates the state, and then a loop of any method relaxes it; see `relax`."""
+
+        def evaluated() -> Relaxation:
+            start = time.perf_counter()
+            (self.work or self.state).evaluate()
+            history = History(self.state, start, watch)
+            if not math.isfinite(history.energy.total):
+                return history.end(RelaxStatus.NOT_FINITE, math.inf)
+            if self.work is None:
+                return history.end(RelaxStatus.CONVERGED, 0.0)
+            return loop(self.work, history)
+
+        return self.ownership.work(user, evaluated)
+
+    def _descend(
+        self, work: Work, history: History, run: Run, confirm_inverted: bool, meanwhile: Callable[[], None]
+    ) -> Relaxation:
+        """The loop of Newton's method; see `relax`."""
+        confirm, estimate, leads_on = run.confirm, run.estimate, True
+        estimate.floor = self.state.rounding()
+        for turn in range(self.options.max_steps + 1):
+            # Where it stands: may it end here?
+            run.confirm = confirm and (confirm_inverted or not history.inverted_tets)
+            if not run.confirm and estimate.solved and estimate.distance <= run.tolerance:
+                return history.end(RelaxStatus.NEAR, estimate.distance)
+            if not leads_on:
+                return history.end(RelaxStatus.STALLED, math.inf)
+            if turn == self.options.max_steps:
+                break
             # Solve: the direction to the equilibrium, and how far that is.
-            action, iterations = find_direction(work, run, meanwhile)
-            meanwhile = None
+            action, iterations = find_direction(work, run, meanwhile if turn == 0 else nothing)
             history.solved(estimate.distance, iterations)
             history.evaluations = work.evaluations
             if action is Action.CONVERGED:
@@ -155,12 +172,7 @@ class Relaxer:
             if trial is not None:
                 work.accept()
                 history.add(trial)
-                run.confirm = confirm and (confirm_inverted or not history.inverted_tets)
-            leads_on = searched(run, trial and trial.length)
-            if not run.confirm and estimate.solved and estimate.distance <= run.tolerance:
-                return history.end(RelaxStatus.NEAR, estimate.distance)
-            if not leads_on:
-                return history.end(RelaxStatus.STALLED, math.inf)
+            leads_on = run.after_search(trial and trial.length)
         return history.end(RelaxStatus.STEP_LIMIT, math.inf)
 
 
@@ -176,12 +188,12 @@ def estimate_distance(work: Work) -> tuple[float, int]:
     return run.estimate.distance, iterations
 
 
-def find_direction(work: Work, run: Run, meanwhile: Callable[[], None] | None = None) -> tuple[Action, int]:
+def find_direction(work: Work, run: Run, meanwhile: Callable[[], None] = nothing) -> tuple[Action, int]:
     """Solves, and solves again or continues the solve, until a direction or the end is found.
 
     Args:
         work: the state.
-        run: the relaxation.
+        run: the relaxation, which takes note of each solve.
         meanwhile: called while a device is at work with the first solve.
 
     Returns:
@@ -189,24 +201,21 @@ def find_direction(work: Work, run: Run, meanwhile: Callable[[], None] | None = 
     """
     spent, saddle = 0, run.saddle
     while True:
-        planned = plan(run)
-        work.begin(planned)
-        if meanwhile is not None:
-            meanwhile()
-            meanwhile = None
-        solution = work.solver.read()
+        planned = run.plan()
+        solution = work.solve(planned, meanwhile)
+        meanwhile = nothing
         spent += solution.iterations
         if planned.true and saddle.down is not None:
             if work.curvature(saddle.down) < 0.0:
                 solution = replace(solution, outcome=Outcome.NEGATIVE_CURVATURE)
             else:
                 saddle.down = None  # the state has left it
-        action, claimed = decide(run, planned, solution), False
+        action, claimed = run.after_solve(planned, solution), False
         if action is Action.TRY:
-            action = decide_claim(work.products().slope, work.attempt(1.0).products.slope)
+            action = judge_trial(work.products().slope, work.attempt(1.0).products.slope)
         if action is Action.CERTIFY:
             claimed = True
-            action, iterations = work.certificate.claim(run, solution, work.floor())
+            action, iterations = work.certificate.claim(run, solution, work.state.rounding())
             spent += iterations
         match action:
             case Action.SOLVE:

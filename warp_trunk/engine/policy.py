@@ -149,25 +149,25 @@ class Estimate:
     steps: list[Step] = field(default_factory=list)
     """Whole steps along the true Hessian."""
 
-    def update(self, solution: LinearSolution, policy: Policy, *, true: bool, confirm: bool) -> None:
+    def update(self, solution: LinearSolution, *, true: bool, confirm: bool) -> None:
         """Sets the distance by the length of a solution and how much shorter it is than the one before."""
         length, before = solution.length + solution.error, self.length
         self.solved, self.remainder = solution.outcome is Outcome.SOLVED, 0.0
         if true and self.whole and self.phase is Phase.TRUE:
             self.remainder = solution.gradient_norm / self.gradient_norm * before
             self.steps.append(Step(before, max(self.remainder, length)))
-        contraction = policy.first
+        contraction = POLICY.first
         if 0.0 < before < math.inf:
             fallen = solution.gradient_norm / self.gradient_norm  # less than the length, where stiff hides soft
-            contraction = min(max(length / before, fallen), policy.slowest)
+            contraction = min(max(length / before, fallen), POLICY.slowest)
             self.solved = self.solved and (confirm or fallen <= 1.0)  # or else the step strained stiff motions
         self.length, self.gradient_norm = length, solution.gradient_norm
         self.phase = Phase.TRUE if true else Phase.PROJECTED
         self.distance = self.floor + length * max(1.0, contraction / (1.0 - contraction))
 
-    def bound(self, policy: Policy) -> float:
+    def bound(self) -> float:
         """The distance within which there is an equilibrium, by the true steps so far [mm]."""
-        return self.floor + reach(max(self.length, self.remainder), self.steps, policy.slowest)
+        return self.floor + reach(max(self.length, self.remainder), self.steps, POLICY.slowest)
 
 
 @dataclass
@@ -197,7 +197,9 @@ class Reuse:
 
 @dataclass
 class Run:
-    """Everything that changes during one relaxation, beside its state and the steps it reports."""
+    """Everything that changes during one relaxation, beside its state and the steps it reports.
+
+    `plan` looks at it; each method called `after_` takes note of what was done and says what comes next."""
 
     tolerance: float
     """Wanted distance [mm]."""
@@ -210,88 +212,114 @@ class Run:
     reuse: Reuse = field(default_factory=Reuse)
     """The parts that may be reused."""
 
+    def plan(self) -> PlannedSolve:
+        """The next linear solve."""
+        estimate, saddle = self.estimate, self.saddle
+        within = min(saddle.nearer, max(self.tolerance, POLICY.near))
+        went_true = estimate.phase is Phase.TRUE and estimate.whole
+        true = self.confirm and (saddle.try_true or went_true or estimate.distance <= within)
+        return PlannedSolve(
+            true,
+            fresh=true or not self.reuse.hessian,
+            grids=self.confirm and not true and not self.reuse.grids,
+            absolute=POLICY.accuracy * self.tolerance,
+            relative=POLICY.true_accuracy if true else POLICY.projected_accuracy,
+            least_iterations=estimate.longest_solve if estimate.cut else 0,
+        )
 
-def plan(run: Run, policy: Policy = POLICY) -> PlannedSolve:
-    """The next linear solve."""
-    estimate, saddle = run.estimate, run.saddle
-    within = min(saddle.nearer, max(run.tolerance, policy.near))
-    went_true = estimate.phase is Phase.TRUE and estimate.whole
-    true = run.confirm and (saddle.try_true or went_true or estimate.distance <= within)
-    return PlannedSolve(
-        true,
-        fresh=true or not run.reuse.hessian,
-        grids=run.confirm and not true and not run.reuse.grids,
-        absolute=policy.accuracy * run.tolerance,
-        relative=policy.true_accuracy if true else policy.projected_accuracy,
-        least_iterations=estimate.longest_solve if estimate.cut else 0,
-    )
-
-
-def decide(run: Run, planned: PlannedSolve, solution: LinearSolution, policy: Policy = POLICY) -> Action:
-    """The next thing after a planned solve."""
-    estimate, run.saddle.try_true = run.estimate, False
-    if solution.outcome is Outcome.SOLVED:
-        estimate.longest_solve = max(estimate.longest_solve, solution.iterations)
-    match solution.outcome:
-        case _ if not planned.fresh and _leads_astray(run, solution, policy):
-            run.reuse.hessian = False
+    def after_solve(self, planned: PlannedSolve, solution: LinearSolution) -> Action:
+        """The next thing after a planned solve."""
+        estimate, self.saddle.try_true = self.estimate, False
+        if solution.outcome is Outcome.SOLVED:
+            estimate.longest_solve = max(estimate.longest_solve, solution.iterations)
+        if not planned.fresh and self._led_astray(solution):
+            self.reuse.hessian = False
             return Action.SOLVE
-        case Outcome.UNSOUND if not planned.true:
-            return Action.STALLED
-        case Outcome.UNSOUND:  # the preconditioner was made too far away
-            return _avoid(run, policy)
-        case Outcome.NEGATIVE_CURVATURE if planned.true:
-            return _descend(run) if run.saddle.is_near else _avoid(run, policy)
-        case Outcome.SOLVED | Outcome.EXHAUSTED | Outcome.NEGATIVE_CURVATURE:  # of a projected one: rounding
-            estimate.update(solution, policy, true=planned.true, confirm=run.confirm)
-            run.reuse.grids = True
-            near = estimate.solved and max(estimate.distance, estimate.bound(policy)) <= run.tolerance
-            negligible = estimate.length <= max(estimate.floor, policy.negligible * run.tolerance)
-            if near and planned.true:
-                return Action.CERTIFY if negligible else Action.TRY
-            if near and negligible and plan(run, policy).true:
-                estimate.whole = False
-                return Action.SOLVE
-            if estimate.length == 0.0 and estimate.distance > run.tolerance:  # no force is left, but rounding
+        match solution.outcome:
+            case Outcome.UNSOUND if not planned.true:
                 return Action.STALLED
-            return Action.SEARCH
-    raise AssertionError(solution.outcome)
-
-
-def decide_end(
-    run: Run, solution: LinearSolution, chance: float, hidden: float, policy: Policy = POLICY
-) -> Action:
-    """The next thing after a solve with noise that is continued.
-
-    Args:
-        run: the relaxation.
-        solution: of the solve.
-        chance: that it missed a saddle.
-        hidden: how far the noise may have moved the solution [mm].
-        policy: the constants.
-    """
-    estimate = run.estimate
-    match solution.outcome:
-        case Outcome.NEGATIVE_CURVATURE:
-            return _descend(run)
-        case Outcome.EXHAUSTED | Outcome.UNSOUND:  # soft directions hide behind others 1e6 times as stiff
-            return Action.STALLED
-        case Outcome.SOLVED if math.isinf(chance):
-            return Action.STALLED
-        case Outcome.SOLVED:
-            # noise may cancel a part of it
-            estimate.length = max(estimate.length, solution.length + solution.error, hidden)
-            estimate.distance = max(estimate.bound(policy), policy.accuracy * run.tolerance)
-            if estimate.distance > run.tolerance:
-                # neither the solves before reached this direction nor do their steps say anything of it
-                estimate.phase, estimate.cut = Phase.SADDLE, True
-                estimate.longest_solve = max(estimate.longest_solve, solution.iterations)
+            case Outcome.UNSOUND:  # the preconditioner was made too far away
+                return self._avoid()
+            case Outcome.NEGATIVE_CURVATURE if planned.true:
+                return self._descend() if self.saddle.is_near else self._avoid()
+            case Outcome.SOLVED | Outcome.EXHAUSTED | Outcome.NEGATIVE_CURVATURE:  # of a projected one: rounding
+                estimate.update(solution, true=planned.true, confirm=self.confirm)
+                self.reuse.grids = True
+                near = estimate.solved and max(estimate.distance, estimate.bound()) <= self.tolerance
+                negligible = estimate.length <= max(estimate.floor, POLICY.negligible * self.tolerance)
+                if near and planned.true:
+                    return Action.CERTIFY if negligible else Action.TRY
+                if near and negligible and self.plan().true:
+                    estimate.whole = False
+                    return Action.SOLVE
+                if estimate.length == 0.0 and estimate.distance > self.tolerance:  # no force, but rounding
+                    return Action.STALLED
                 return Action.SEARCH
-            return Action.CONVERGED if chance <= policy.chance else Action.CERTIFY
-    raise AssertionError(solution.outcome)
+
+    def after_noise(self, solution: LinearSolution, chance: float, hidden: float) -> Action:
+        """The next thing after a solve with noise that is continued.
+
+        Args:
+            solution: of the solve.
+            chance: that it missed a saddle.
+            hidden: how far the noise may have moved the solution [mm].
+        """
+        estimate = self.estimate
+        match solution.outcome:
+            case Outcome.NEGATIVE_CURVATURE:
+                return self._descend()
+            case Outcome.EXHAUSTED | Outcome.UNSOUND:  # soft directions hide behind others 1e6 times as stiff
+                return Action.STALLED
+            case Outcome.SOLVED if math.isinf(chance):
+                return Action.STALLED
+            case Outcome.SOLVED:
+                # noise may cancel a part of it
+                estimate.length = max(estimate.length, solution.length + solution.error, hidden)
+                estimate.distance = max(estimate.bound(), POLICY.accuracy * self.tolerance)
+                if estimate.distance > self.tolerance:
+                    # neither the solves before reached this direction nor do their steps say anything of it
+                    estimate.phase, estimate.cut = Phase.SADDLE, True
+                    estimate.longest_solve = max(estimate.longest_solve, solution.iterations)
+                    return Action.SEARCH
+                return Action.CONVERGED if chance <= POLICY.chance else Action.CERTIFY
+
+    def after_search(self, length: float | None) -> bool:
+        """Whether the relaxation can go on after a part of the direction was taken, None where none helped."""
+        estimate = self.estimate
+        estimate.whole = length == 1.0
+        if length is None and self.reuse.hessian:  # with the Hessian of the state one may
+            self.reuse = Reuse()
+            estimate.solved, estimate.length = False, math.inf
+            return True
+        if length is None:  # the true Hessian is tried once where the projected one leads nowhere
+            self.saddle.try_true = self.saddle.is_near = True
+            return self.confirm and estimate.phase is Phase.PROJECTED
+        if estimate.phase is Phase.SADDLE:
+            estimate.length, self.reuse.grids = math.inf, False
+            estimate.steps.clear()
+        else:
+            estimate.cut = estimate.cut or length < 1.0
+        return True
+
+    def _led_astray(self, solution: LinearSolution) -> bool:
+        """Whether a Hessian of before is too far from that of the state, by what its last step left."""
+        solved = solution.outcome is Outcome.SOLVED
+        return not solved or solution.length > POLICY.reusable * self.estimate.length
+
+    def _avoid(self) -> Action:
+        """The true Hessian was tried too far away: the projected one leads nearer."""
+        self.saddle.nearer = min(self.saddle.nearer, POLICY.nearer * self.estimate.distance)
+        self.saddle.is_near = self.saddle.nearer <= self.tolerance
+        self.estimate.phase, self.estimate.distance = Phase.PROJECTED, math.inf
+        return Action.SOLVE
+
+    def _descend(self) -> Action:
+        """Negative curvature of the true Hessian near the end is followed downwards."""
+        self.estimate.phase, self.estimate.distance, self.saddle.is_near = Phase.SADDLE, math.inf, True
+        return Action.DESCEND
 
 
-def decide_claim(before: float, after: float, policy: Policy = POLICY) -> Action:
+def judge_trial(before: float, after: float) -> Action:
     """CERTIFY or SEARCH where all else allows a claim, by a trial of the whole step that it is made of.
 
     The energy itself says less: near zero it is the sum of parts whose rounding is larger than its change.
@@ -299,15 +327,14 @@ def decide_claim(before: float, after: float, policy: Policy = POLICY) -> Action
     Args:
         before: slope of the energy along the step at its start, negative.
         after: slope at its end, positive where the step overshoots.
-        policy: the constants.
     """
-    return Action.SEARCH if abs(after) > policy.slope * abs(before) else Action.CERTIFY
+    return Action.SEARCH if abs(after) > POLICY.slope * abs(before) else Action.CERTIFY
 
 
-def stretch(iterations: int, first: float, chance: float, policy: Policy = POLICY) -> int:
+def stretch(iterations: int, first: float, chance: float) -> int:
     """Iterations by which a solve is continued: what is expected, by the chance after the first and after all."""
-    fallen, missing = math.log(first / chance), math.log(chance / policy.chance)
-    return int(min(policy.stretch, iterations * missing / max(fallen, 1e-3))) + 1
+    fallen, missing = math.log(first / chance), math.log(chance / POLICY.chance)
+    return int(min(POLICY.stretch, iterations * missing / max(fallen, 1e-3))) + 1
 
 
 def reach(remainder: float, steps: Sequence[Step], slowest: float) -> float:
@@ -319,45 +346,3 @@ def reach(remainder: float, steps: Sequence[Step], slowest: float) -> float:
     """
     seen = (step.remainder / step.length for step in reversed(steps) if step.length >= remainder > 0.0)
     return remainder / (1.0 - min(next(seen, slowest), slowest))
-
-
-def _leads_astray(run: Run, solution: LinearSolution, policy: Policy) -> bool:
-    """Whether a Hessian of before is too far from that of the state, by what its last step left."""
-    return solution.outcome is not Outcome.SOLVED or solution.length > policy.reusable * run.estimate.length
-
-
-def _avoid(run: Run, policy: Policy) -> Action:
-    """The true Hessian was tried too far away: the projected one leads nearer."""
-    run.saddle.nearer = min(run.saddle.nearer, policy.nearer * run.estimate.distance)
-    run.saddle.is_near = run.saddle.nearer <= run.tolerance
-    run.estimate.phase, run.estimate.distance = Phase.PROJECTED, math.inf
-    return Action.SOLVE
-
-
-def _descend(run: Run) -> Action:
-    """Negative curvature of the true Hessian near the end is followed downwards."""
-    run.estimate.phase, run.estimate.distance, run.saddle.is_near = Phase.SADDLE, math.inf, True
-    return Action.DESCEND
-
-
-def searched(run: Run, length: float | None) -> bool:
-    """Takes note of the part of the direction that was taken; None where none lowers the energy.
-
-    Returns:
-        Whether the relaxation can go on.
-    """
-    estimate = run.estimate
-    estimate.whole = length == 1.0
-    if length is None and run.reuse.hessian:  # with the Hessian of the state one may
-        run.reuse = Reuse()
-        estimate.solved, estimate.length = False, math.inf
-        return True
-    if length is None:  # the true Hessian is tried once where the projected one leads nowhere
-        run.saddle.try_true = run.saddle.is_near = True
-        return run.confirm and estimate.phase is Phase.PROJECTED
-    if estimate.phase is Phase.SADDLE:
-        estimate.length, run.reuse.grids = math.inf, False
-        estimate.steps.clear()
-    else:
-        estimate.cut = estimate.cut or length < 1.0
-    return True

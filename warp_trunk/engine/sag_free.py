@@ -20,7 +20,7 @@ from warp_trunk.errors import InputError
 from .model import Model
 from .newton import Relaxer, find_direction
 from .parallel import takes_turns
-from .policy import Action, Run, Saddle, searched
+from .policy import Action, Run, Saddle
 from .relaxation import check_tolerance
 from .rest_mesh import RestMesh
 
@@ -78,7 +78,7 @@ def _find_rest_state(model: Model, relaxer: Relaxer, tolerance: float) -> RestSt
     for rounds in range(1, MOST_ROUNDS + 1):
         spent += find_direction(solver, run)[1]
         rest[model.free] -= solver.direction.numpy()
-        searched(run, 1.0)
+        run.after_search(1.0)
         mesh = mesh_at(model, rest)
         if not (np.isfinite(rest).all() and (mesh.volume > LEAST_VOLUME * scanned.volume).all()):
             break

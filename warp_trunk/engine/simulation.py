@@ -18,7 +18,7 @@ from warp_trunk.kernels.vectors import vector_kernels
 from .descent import ProjectedGradient
 from .model import Model
 from .newton import Relaxer
-from .parallel import takes_turns
+from .parallel import nothing, takes_turns
 from .relaxation import Relaxation, RelaxOptions, RelaxStatus, RelaxStep
 from .state import State, to_mesh_order
 from .tissue import Limits
@@ -154,7 +154,7 @@ def simulate(
                 watch,
                 confirm=final,
                 confirm_inverted=confirm_inverted,
-                meanwhile=None if final else partial(predictor.stage, (number + 1) / options.increments),
+                meanwhile=nothing if final else partial(predictor.stage, (number + 1) / options.increments),
                 user=user,
             )
         predictor.record(relaxation)

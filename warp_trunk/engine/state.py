@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.errors import InputError
-from warp_trunk.kernels.assembly import BENDING, COLUMNS, INVERTED, NEWLY_INVERTED
+from warp_trunk.kernels.assembly import BENDING, COLUMNS, INVERTED, LARGEST, NEWLY_INVERTED
 from warp_trunk.kernels.vectors import vector_kernels
 
 from .model import Model
@@ -18,6 +18,8 @@ from .parallel import Launch, Readback, in_sequence, takes_turns
 from .relaxation import Energy
 
 T = TypeVar("T")
+ROUNDING_STEPS = 10.0
+"""Roundings of the largest displacement that a force summed over a node's tetrahedra may hide."""
 
 
 class State:
@@ -31,7 +33,8 @@ class State:
     inverted: wp.array
     """1 where a tetrahedron has no positive volume, shape (tets,), int8."""
     sums: wp.array
-    """Energies by term [energy's unit] and counts, shape (ranges, 8), columns as in kernels/assembly.py."""
+    """Energies by term [energy's unit], counts and the largest squared displacement [mm^2], shape (ranges, 8),
+    columns as in kernels/assembly.py."""
     version: int
     """How often the displacement was set or a step accepted."""
 
@@ -60,6 +63,9 @@ class State:
                 [self._slabs, self.inverted, self.sums],
             ),
             *model.over_hinges("gradient", [self.displacement], [self._slabs, self.sums]),
+            parallel.record(
+                vector_kernels(model.scalar).longest, model.nodes, [self.displacement, LARGEST], [self.sums]
+            ),
             parallel.gather(self._slabs, model.scalar),
             self._host_sums.send,
         )
@@ -88,6 +94,11 @@ class State:
             terms["gravity"] += elements.gravity_at_rest
         energy = Energy(terms)
         return energy, int(sums[INVERTED]), int(sums[NEWLY_INVERTED])
+
+    def rounding(self) -> float:
+        """Rounding error of every distance [mm], by the largest displacement at the last evaluation."""
+        largest = float(self._host_sums.read()[:, LARGEST].max()) ** 0.5
+        return ROUNDING_STEPS * float(np.finfo(self.model.precision).eps) * largest
 
     def show(self, watch: Callable[[T, State], None], step: T) -> None:
         """Calls `watch` with a step and the state; InputError where that has moved the tissue."""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 import warp as wp
 
-from warp_trunk.kernels.assembly import COLUMNS
 from warp_trunk.kernels.vectors import vector_kernels
 
 from .certify import Certificate
@@ -15,12 +15,10 @@ from .grids import Grids
 from .line_search import Trial
 from .linear import BlockMatrix, ConjugateGradient, zero_dots
 from .multigrid import Multigrid
-from .parallel import Readback
+from .outcome import LinearSolution
+from .parallel import Readback, nothing
 from .policy import PlannedSolve
 from .state import MatrixState, ProductReader, Products, State, longest
-
-ROUNDING_STEPS = 10.0
-"""Roundings of the largest displacement that a force summed over a node's tetrahedra may hide."""
 
 
 class Work:
@@ -51,7 +49,6 @@ class Work:
         self.certificate = Certificate(self.matrix, self.solver, self.preconditioner.groups.members)
         self._record_curvature()
         self._record_trial()
-        self._record_evaluation()
 
     def _record_curvature(self) -> None:
         """v . H v with the matrix as it is."""
@@ -70,18 +67,9 @@ class Work:
         point = [self._length, state.displacement, self.direction]
         step = model.over_free(vector_kernels(model.scalar).step, point, [self._trial.displacement])
         self._try = model.parallel.graph(step, self._trial.evaluate, self._trial_products.launch)
-
-    def _record_evaluation(self) -> None:
-        """Energy and gradient of the state, with its largest displacement; or those of the trial."""
-        state, model = self.state, self.state.model
-        largest = model.zeros(wp.float64, model.parallel.ranges, COLUMNS)
-        self._largest = Readback(model.parallel, largest)
-        kernel = vector_kernels(model.scalar).longest
-        find_largest = model.parallel.record(kernel, model.nodes, [state.displacement], [largest])
+        self._accept = model.parallel.graph(partial(state.copy_from, self._trial))
         copy_prescribed = partial(wp.copy, self._trial.displacement, state.displacement)  # no step moves them
-        measure = (largest.zero_, find_largest, self._largest.send)
-        self._accept = model.parallel.graph(partial(state.copy_from, self._trial), *measure)
-        self._evaluate = model.parallel.graph(state.evaluate, *measure, copy_prescribed)
+        self._evaluate = model.parallel.graph(state.evaluate, copy_prescribed)
 
     def evaluate(self) -> None:
         """Evaluates the state, which was set to another displacement."""
@@ -90,11 +78,6 @@ class Work:
             self.matrix_state.grids_follow = False
         self._evaluate()
         self.evaluations = 1
-
-    def floor(self) -> float:
-        """Rounding error of every distance [mm], by the largest displacement of the state."""
-        largest = float(self._largest.read().max()) ** 0.5
-        return ROUNDING_STEPS * float(np.finfo(self.state.model.precision).eps) * largest
 
     def assemble(self, *, true: bool, fresh: bool = True, grids: bool = False) -> None:
         """Sets the matrix to the Hessian of the state; if not `fresh`, where it is not the last of its kind.
@@ -109,10 +92,16 @@ class Work:
             self.matrix_state.grids_follow = True  # likewise
             self.preconditioner.update_grids()
 
-    def begin(self, planned: PlannedSolve) -> None:
-        """Assembles and launches a planned solve; `solver.read` waits for its end."""
+    def solve(self, planned: PlannedSolve, meanwhile: Callable[[], None] = nothing) -> LinearSolution:
+        """Assembles what is planned and solves for the direction; `meanwhile` is called while a device does."""
         self.assemble(true=planned.true, fresh=planned.fresh, grids=planned.grids)
-        self.solver.launch(planned.absolute, planned.relative, planned.least_iterations, short=not planned.true)
+        return self.solver.solve(
+            planned.absolute,
+            planned.relative,
+            planned.least_iterations,
+            short=not planned.true,
+            meanwhile=meanwhile,
+        )
 
     def negative_curvature(self) -> np.ndarray:
         """The search direction at which the last solve ended, shape (free nodes, 3)."""

@@ -59,8 +59,7 @@ def test_the_matrix_follows_its_state() -> None:
 def test_the_solution_is_that_of_a_dense_solve(short: bool) -> None:
     state, matrix = stretched()
     solver = ConjugateGradient(matrix, Multigrid(matrix), state.gradient)
-    solver.launch(absolute=1e-9, relative=0.0, short=short)
-    solution = solver.read()
+    solution = solver.solve(absolute=1e-9, relative=0.0, short=short)
     right_side = -np.asarray(state.gradient.numpy(), dtype=np.float64)[: len(matrix.inverse_diagonal)]
     dense = np.asarray(on_host(matrix).todense())
     wanted = np.linalg.solve(dense, right_side.ravel()).reshape(-1, 3)

@@ -17,12 +17,8 @@ from warp_trunk.engine.policy import (
     Run,
     Saddle,
     Step,
-    decide,
-    decide_claim,
-    decide_end,
-    plan,
+    judge_trial,
     reach,
-    searched,
 )
 from warp_trunk.engine.relaxation import Energy
 from warp_trunk.engine.state import Products
@@ -40,25 +36,25 @@ def near_the_end() -> Run:
     """After whole true steps of 0.09 mm and a hundredth of it, to a tolerance of 0.1 mm."""
     run = Run(0.1, confirm=True, saddle=Saddle(try_true=True))
     for length, norm in ((0.09, 1.0), (0.0009, 1e-4)):
-        assert decide(run, plan(run), solved(length, norm)) is not Action.STALLED
-        searched(run, 1.0)
+        assert run.after_solve(run.plan(), solved(length, norm)) is not Action.STALLED
+        run.after_search(1.0)
     return run
 
 
 def test_the_projected_hessian_leads_to_where_the_true_one_takes_over() -> None:
     run = Run(0.1, confirm=True)
-    assert (plan(run).true, plan(run).grids) == (False, True)  # the grids follow the first Hessian
-    assert decide(run, plan(run), solved(5.0)) is Action.SEARCH
-    assert not plan(run).grids
+    assert (run.plan().true, run.plan().grids) == (False, True)  # the grids follow the first Hessian
+    assert run.after_solve(run.plan(), solved(5.0)) is Action.SEARCH
+    assert not run.plan().grids
     assert run.estimate.distance == pytest.approx(10.0)  # the first step is assumed to leave two thirds
-    searched(run, 1.0)
-    assert decide(run, plan(run), solved(0.2)) is Action.SEARCH
+    run.after_search(1.0)
+    assert run.after_solve(run.plan(), solved(0.2)) is Action.SEARCH
     assert run.estimate.distance == pytest.approx(0.2 * 9.0)  # the gradient has not fallen at all
-    searched(run, 1.0)
-    assert decide(run, plan(run), solved(0.02, norm=0.1)) is Action.SEARCH
+    run.after_search(1.0)
+    assert run.after_solve(run.plan(), solved(0.02, norm=0.1)) is Action.SEARCH
     assert run.estimate.distance == pytest.approx(0.02)
-    searched(run, 1.0)
-    assert (plan(run).true, plan(run).fresh, plan(run).grids) == (True, True, False)
+    run.after_search(1.0)
+    assert (run.plan().true, run.plan().fresh, run.plan().grids) == (True, True, False)
 
 
 def test_on_the_way_a_claim_needs_a_solve_that_ended() -> None:
@@ -68,79 +64,79 @@ def test_on_the_way_a_claim_needs_a_solve_that_ended() -> None:
         (Outcome.NEGATIVE_CURVATURE, False),
     ):
         run = Run(2.0)
-        assert decide(run, plan(run), solved(0.01, outcome=outcome)) is Action.SEARCH
+        assert run.after_solve(run.plan(), solved(0.01, outcome=outcome)) is Action.SEARCH
         assert run.estimate.solved == is_solved
-    assert decide(run, plan(run), solved(math.inf, outcome=Outcome.UNSOUND)) is Action.STALLED
+    assert run.after_solve(run.plan(), solved(math.inf, outcome=Outcome.UNSOUND)) is Action.STALLED
 
 
 def test_a_hessian_of_before_is_used_as_long_as_its_steps_are_whole_and_shrink() -> None:
     run = Run(1.0, reuse=Reuse(hessian=True))
     for length in (5.0, 2.0, 0.9):
-        assert not plan(run).fresh
-        assert decide(run, plan(run), solved(length)) is Action.SEARCH
-        assert searched(run, 1.0)
+        assert not run.plan().fresh
+        assert run.after_solve(run.plan(), solved(length)) is Action.SEARCH
+        assert run.after_search(1.0)
     before = run.estimate.length, run.estimate.distance
-    assert decide(run, plan(run), solved(0.5)) is Action.SOLVE  # a tetrahedron that was crushed, say
+    assert run.after_solve(run.plan(), solved(0.5)) is Action.SOLVE  # a tetrahedron that was crushed, say
     assert (run.estimate.length, run.estimate.distance) == before
-    assert plan(run).fresh
+    assert run.plan().fresh
 
 
 @pytest.mark.parametrize("outcome", [Outcome.EXHAUSTED, Outcome.NEGATIVE_CURVATURE, Outcome.UNSOUND])
 def test_a_solve_with_a_hessian_of_before_that_did_not_end_is_not_believed(outcome: Outcome) -> None:
     run = Run(1.0, reuse=Reuse(hessian=True))
-    assert decide(run, plan(run), solved(0.01, outcome=outcome)) is Action.SOLVE
-    assert plan(run).fresh
+    assert run.after_solve(run.plan(), solved(0.01, outcome=outcome)) is Action.SOLVE
+    assert run.plan().fresh
 
 
 def test_a_step_with_a_hessian_of_before_that_is_not_taken_whole_is_solved_for_anew() -> None:
     run = Run(1.0, reuse=Reuse(hessian=True))
-    assert decide(run, plan(run), solved(0.4)) is Action.SEARCH
+    assert run.after_solve(run.plan(), solved(0.4)) is Action.SEARCH
     assert run.estimate.solved
-    assert searched(run, None)
-    assert plan(run).fresh
+    assert run.after_search(None)
+    assert run.plan().fresh
     assert not run.estimate.solved  # nothing is claimed by a step that does not lower the energy
-    assert decide(run, plan(run), solved(0.3)) is Action.SEARCH
+    assert run.after_solve(run.plan(), solved(0.3)) is Action.SEARCH
     assert run.estimate.distance == pytest.approx(0.6)  # as of a first step: no other was taken
-    assert not searched(run, None)
+    assert not run.after_search(None)
 
 
 def test_on_the_way_a_claim_needs_a_gradient_that_falls() -> None:
     for norm, is_solved in ((0.9, True), (1.1, False)):
         run = Run(2.0)
-        assert decide(run, plan(run), solved(0.5)) is Action.SEARCH
-        searched(run, 1.0)
-        assert decide(run, plan(run), solved(0.1, norm)) is Action.SEARCH
+        assert run.after_solve(run.plan(), solved(0.5)) is Action.SEARCH
+        run.after_search(1.0)
+        assert run.after_solve(run.plan(), solved(0.1, norm)) is Action.SEARCH
         assert run.estimate.solved == is_solved
 
 
 def test_negative_curvature_is_avoided_far_away_and_followed_near_the_end() -> None:
     run = Run(0.1, confirm=True, saddle=Saddle(try_true=True), estimate=Estimate(distance=8.0))
     down = solved(3.0, outcome=Outcome.NEGATIVE_CURVATURE)
-    assert decide(run, plan(run), down) is Action.SOLVE
-    assert not plan(run).true
+    assert run.after_solve(run.plan(), down) is Action.SOLVE
+    assert not run.plan().true
     run.estimate.distance = 0.3
-    assert decide(run, plan(run), down) is Action.SOLVE
+    assert run.after_solve(run.plan(), down) is Action.SOLVE
     assert run.saddle.is_near
     run.saddle.try_true = True
-    assert decide(run, plan(run), down) is Action.DESCEND
+    assert run.after_solve(run.plan(), down) is Action.DESCEND
     assert (run.estimate.phase, run.estimate.distance) == (Phase.SADDLE, math.inf)
-    assert searched(run, 0.5)
+    assert run.after_search(0.5)
     assert not run.estimate.cut
     run.estimate.phase = Phase.SADDLE
-    assert not searched(run, None)
+    assert not run.after_search(None)
 
 
 def test_the_end_is_claimed_only_with_noise_and_by_the_chance() -> None:
     run = near_the_end()
-    assert decide(run, plan(run), solved(0.001, 1e-6)) is Action.TRY
-    assert decide_end(run, solved(0.0001), 0.5, 0.0) is Action.CERTIFY
+    assert run.after_solve(run.plan(), solved(0.001, 1e-6)) is Action.TRY
+    assert run.after_noise(solved(0.0001), 0.5, 0.0) is Action.CERTIFY
     assert run.estimate.length == pytest.approx(0.001)  # noise that cancels a part of the way makes it no shorter
-    assert decide_end(run, solved(0.001), 1e-4, 0.0) is Action.CONVERGED
-    assert decide_end(run, solved(0.001), 1e-4, 0.05) is Action.CONVERGED
+    assert run.after_noise(solved(0.001), 1e-4, 0.0) is Action.CONVERGED
+    assert run.after_noise(solved(0.001), 1e-4, 0.05) is Action.CONVERGED
     assert run.estimate.distance >= 0.05
-    assert decide_end(run, solved(0.001), math.inf, 0.0) is Action.STALLED
-    assert decide_end(run, solved(0.001, outcome=Outcome.EXHAUSTED), 1.0, 0.0) is Action.STALLED
-    assert decide_end(run, solved(0.001, outcome=Outcome.NEGATIVE_CURVATURE), 1.0, 0.0) is Action.DESCEND
+    assert run.after_noise(solved(0.001), math.inf, 0.0) is Action.STALLED
+    assert run.after_noise(solved(0.001, outcome=Outcome.EXHAUSTED), 1.0, 0.0) is Action.STALLED
+    assert run.after_noise(solved(0.001, outcome=Outcome.NEGATIVE_CURVATURE), 1.0, 0.0) is Action.DESCEND
 
 
 @pytest.mark.parametrize(("length", "hidden"), [(2.0, 0.0), (0.001, 2.0)])
@@ -148,12 +144,12 @@ def test_soft_tissue_that_only_noise_reached_makes_the_steps_before_no_evidence(
     length: float, hidden: float
 ) -> None:
     run = near_the_end()
-    assert decide(run, plan(run), solved(0.001, 1e-6)) is Action.TRY
+    assert run.after_solve(run.plan(), solved(0.001, 1e-6)) is Action.TRY
     assert run.estimate.steps
-    assert decide_end(run, solved(length), 1e-4, hidden) is Action.SEARCH
-    searched(run, 1.0)
+    assert run.after_noise(solved(length), 1e-4, hidden) is Action.SEARCH
+    run.after_search(1.0)
     assert not run.estimate.steps
-    assert decide(run, plan(run), solved(0.001, 1e-6)) is not Action.STALLED
+    assert run.after_solve(run.plan(), solved(0.001, 1e-6)) is not Action.STALLED
     assert not run.estimate.steps  # nor is that one, which noise led astray
 
 
@@ -162,7 +158,7 @@ def test_soft_tissue_that_only_noise_reached_makes_the_steps_before_no_evidence(
 def test_a_step_that_leaves_much_of_its_slope_or_overshoots_is_taken_before_a_claim(
     side: float, after: float, wanted: Action
 ) -> None:
-    assert decide_claim(-1.0, side * after) is wanted
+    assert judge_trial(-1.0, side * after) is wanted
 
 
 @pytest.mark.parametrize(
@@ -172,26 +168,26 @@ def test_a_step_that_leaves_much_of_its_slope_or_overshoots_is_taken_before_a_cl
 def test_only_steps_of_more_than_rounding_are_tried(length: float, floor: float, wanted: Action) -> None:
     run = near_the_end()
     run.estimate.floor = floor
-    assert decide(run, plan(run), solved(length, 1e-6)) is wanted
+    assert run.after_solve(run.plan(), solved(length, 1e-6)) is wanted
 
 
 def test_where_the_projected_hessian_leads_nowhere_the_true_one_is_solved_with_at_once() -> None:
     run = Run(0.1, confirm=True)
-    assert decide(run, plan(run), solved(1e-6)) is Action.SOLVE
-    assert plan(run).true
-    assert decide(run, plan(run), solved(1e-6)) is Action.CERTIFY
+    assert run.after_solve(run.plan(), solved(1e-6)) is Action.SOLVE
+    assert run.plan().true
+    assert run.after_solve(run.plan(), solved(1e-6)) is Action.CERTIFY
     assert not run.estimate.steps  # no step was taken between the two
     run = Run(0.1, confirm=True, saddle=Saddle(nearer=1e-9))  # there it was indefinite
-    assert decide(run, plan(run), solved(1e-6)) is Action.SEARCH
+    assert run.after_solve(run.plan(), solved(1e-6)) is Action.SEARCH
     run = Run(0.1)  # on the way nothing is claimed
-    assert decide(run, plan(run), solved(1e-6)) is Action.SEARCH
+    assert run.after_solve(run.plan(), solved(1e-6)) is Action.SEARCH
 
 
 def test_nothing_is_searched_for_where_no_force_is_left() -> None:
     """Rounding may still be farther than the tolerance."""
     for floor, wanted in ((0.2, Action.STALLED), (0.01, Action.SEARCH)):
         run = Run(0.1, estimate=Estimate(floor=floor))
-        assert decide(run, plan(run), solved(0.0, norm=0.0)) is wanted
+        assert run.after_solve(run.plan(), solved(0.0, norm=0.0)) is wanted
 
 
 def test_a_run_begins_with_nothing_of_another() -> None:

@@ -60,6 +60,24 @@ def test_an_accepted_step_calls_for_another_hessian() -> None:
     np.testing.assert_array_equal(work.matrix.blocks.numpy(), hessian(work, true=False))
 
 
+@pytest.mark.parametrize("threads", [1, 2])
+def test_rounding_is_that_of_the_largest_displacement_of_the_state(threads: int) -> None:
+    state = evaluated(model_of(TRUNK, threads=threads), held_turned(TRUNK, 25.0))
+    work = Work(state)
+    work.evaluate()
+
+    def wanted() -> float:
+        return 10.0 * np.finfo(float).eps * np.linalg.norm(state.displacement.numpy(), axis=1).max()
+
+    assert state.rounding() == pytest.approx(wanted(), rel=1e-12)
+    work.direction.fill_(100.0)
+    work.attempt(1.0)
+    assert state.rounding() == pytest.approx(wanted(), rel=1e-12)
+    work.accept()
+    assert wanted() > 170.0 * 10.0 * np.finfo(float).eps
+    assert state.rounding() == pytest.approx(wanted(), rel=1e-12)
+
+
 def test_an_assembly_that_is_interrupted_leaves_no_hessian_that_holds() -> None:
     work = work_at(10.0)
     work.assemble(true=False)
