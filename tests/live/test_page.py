@@ -35,6 +35,8 @@ from warp_trunk.run.patient import patient_of
 pytestmark = [needs_chromium, pytest.mark.slow]
 WAIT = 90_000.0
 """Longest wait for the page [ms]."""
+PANEL = '.mantine-Paper-root[style*="position: fixed"]'
+"""The panel that viser lays over the picture on a phone."""
 RELAXED = "solved to"
 """Status after the skin is relaxed to the end."""
 
@@ -260,6 +262,27 @@ def test_two_tabs_show_one_plan_and_one_that_goes_takes_nothing_along(
     visit.press("Undo")
     until(lambda: correction(page) != now and settled(page), visit)
     assert page.failure is None
+
+
+def test_on_a_phone_nothing_lies_on_the_picture(browser: Browser, page: Page) -> None:
+    """The picture ends where the panel begins, also after the panel is closed."""
+    visit = Visit(browser, page, width=390)
+
+    def ends() -> tuple[float, float]:
+        boxes = [
+            not_none(visit.tab.locator(place).first.bounding_box()) for place in ("canvas[data-engine]", PANEL)
+        ]
+        picture, panel = boxes
+        assert (panel["x"], panel["width"]) == (0.0, 390.0)
+        return picture["y"] + picture["height"], panel["y"]
+
+    until(lambda: abs(ends()[0] - ends()[1]) < 2.0, visit)
+    opened = ends()[1]
+    assert 250.0 < opened < 350.0  # half of the window
+    assert visit.tab.evaluate("document.documentElement.scrollWidth") <= 390
+    visit.tab.locator(f'{PANEL} [style*="cursor: pointer"]').first.dispatch_event("click")
+    until(lambda: ends()[1] > opened + 100.0 and abs(ends()[0] - ends()[1]) < 2.0, visit)
+    visit.tab.close()
 
 
 def test_the_button_ends_it(visit: Visit, page: Page) -> None:

@@ -217,9 +217,12 @@ def test_another_plan_is_relaxed_beside_that_of_the_sliders(patient: PreparedPat
     assert session.faults == []
 
 
-def test_a_wish_far_away_is_predicted_as_simulate_does_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("limit", ["FAR_WISH", "MOST_ITERATIONS"])
+def test_a_wish_far_away_is_predicted_as_simulate_does_and_says_so(
+    limit: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """No iteration is spent on the way straight there."""
-    monkeypatch.setattr(relaxation, "MOST_ITERATIONS", -1)
+    monkeypatch.setattr(relaxation, limit, -1)
     monkeypatch.setattr(relaxation, "FEW_INVERTED", 0.0)
     said = list[str]()
     patient = small_patient()

@@ -93,12 +93,13 @@ def refusal(request: Request, port: int) -> Response | None:
     return Response(http.HTTPStatus.FORBIDDEN, "Forbidden", headers, body)
 
 
-def _add_names(response: Response) -> None:
-    """Adds to the page what viser leaves out: names of its controls, and words dark enough to read."""
+def _complete(response: Response) -> None:
+    """Adds to the page what viser leaves out: names of its controls, words dark enough, room on a phone."""
     packed = response.headers.get("Content-Encoding") == "gzip"
     page = gzip.decompress(response.body) if packed else response.body
-    script, style = (files("warp_trunk.live").joinpath(name).read_bytes() for name in ("names.js", "contrast.css"))
-    added = b"<style>" + style + b"</style><script>" + script + b"</script></body>"
+    parts = {"page.css": b"style", "names.js": b"script", "phone.js": b"script"}
+    texts = {name: files("warp_trunk.live").joinpath(name).read_bytes() for name in parts}
+    added = b"".join(b"<%b>%b</%b>" % (kind, texts[name], kind) for name, kind in parts.items()) + b"</body>"
     before, end, after = page.rpartition(b"</body>")
     page = before + added + after if end else page
     response.body = gzip.compress(page, 1) if packed else page
@@ -123,7 +124,7 @@ def _guarded(port: int) -> Iterator[list[int]]:
             if response is not None:
                 response.headers["Content-Security-Policy"] = POLICY
                 if response.headers.get("Content-Type", "").startswith("text/html"):
-                    _add_names(response)
+                    _complete(response)
             return response
 
         started.append(at)
