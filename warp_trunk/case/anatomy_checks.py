@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.geometry.distance_field import SurfaceDistance
+from warp_trunk.geometry.surface import area_centre
 
 from .anatomy import HIPS, PELVIC_RING, SIDES, THORACIC
 from .landmarks import ASIS, VERTEBRA_POINTS
@@ -22,14 +23,19 @@ _OFF_FEATURE, _OFF_BY_ERROR = 6.5, 3.5
 deviations of the errors of landmarks."""
 _AT_END = 1.5
 """At an end of the spine, where there is no mean, within this many times as much."""
-_FEWEST_VERTEBRAE = 4
+_FEWEST_VERTEBRAE = 3
 """Vertebrae with landmarks and bones that are needed to compare each with its neighbours."""
-_OUT = 1.0
+_OUT = 1.5
 """A bone reaches out of the skin by less [mm]."""
 _UNLIKE = 6.0
 """The skin covers the crests of both hip bones by as much, within this [mm]: 5 at most in eleven trunks."""
+_MUCH_LESS = 0.45
+"""... or the one by more than this part of the other: curves that were imposed moved thick fat by 10 mm."""
 _CREST = 10.0
 """Vertices of a hip bone that are nearer than this to its outermost one, to its side, are its crest [mm]."""
+_THIN = 10.0
+"""A skin covers the hip bones behind by less [mm]: then it covers them in front by hardly more, as fat lies on
+both; of more fat there is often more on one side."""
 _HEADS = 30
 """Vertices of a rib that are nearest to the spine: its head."""
 _ROUGH = 3.0
@@ -42,10 +48,11 @@ def anatomy_doubts(case: Case) -> list[str]:
     Args:
         case: checked as far as its files go, in LPS and mm.
     """
-    if not case.has_spine or sum(name in case.bones for name in THORACIC) < _FEWEST_VERTEBRAE:
+    if not case.has_spine:
         return []
+    has_chest = sum(name in case.bones for name in THORACIC) >= _FEWEST_VERTEBRAE
     doubts = [
-        *_missing(case),
+        *(_missing(case) if has_chest else ()),
         *_rib_order(case),
         *_iliac_spines(case),
         *_off_features(case),
@@ -87,7 +94,8 @@ def _rib_order(case: Case) -> list[str]:
     for side in SIDES:
         heads = {}
         for number in range(1, 13):
-            if bone := case.bones.get(f"rib_{side}_{number:02d}"):
+            bone = case.bones.get(f"rib_{side}_{number:02d}")
+            if bone is not None and f"T{number}" in case.bones:
                 away = np.linalg.norm(bone.vertices[:, None] - spine, axis=2).min(axis=1)
                 heads[number] = float(np.median(bone.vertices[np.argsort(away)[:_HEADS], 2]))
         numbers = list(heads)
@@ -124,8 +132,7 @@ def _off_features(case: Case) -> list[str]:
     if len(levels) < _FEWEST_VERTEBRAE:
         return []
     six = np.array([[marks.point(f"{level}_{name}") for name in VERTEBRA_POINTS] for level in levels])
-    low, high = (np.array([end(case.bones[n].vertices, axis=0) for n in levels]) for end in (np.min, np.max))
-    places = six - 0.5 * (low + high)[:, None]  # against the middle of the box around each bone
+    places = six - np.array([area_centre(case.bones[n]) for n in levels])[:, None]
     allowed, doubts = _OFF_FEATURE + _OFF_BY_ERROR * case.uncertainty.landmark_sd, []
     for row, level in enumerate(levels):
         pairs = [(row - n, row + n) for n in (1, 2) if row - n >= 0 and row + n < len(levels)]
@@ -145,18 +152,27 @@ def _off_features(case: Case) -> list[str]:
 
 
 def _aside(case: Case) -> list[str]:
-    """A skin that lies further over one hip bone than over the other."""
+    """A skin that lies further over one hip bone than over the other, or further in front of them than behind."""
     if not all(name in case.bones for name in HIPS):
         return []
     left, right = (case.bones[name].vertices for name in HIPS)
-    crests = [left[left[:, 0] > left[:, 0].max() - _CREST], right[right[:, 0] < right[:, 0].min() + _CREST]]
-    left, right = (-float(far) for _, far in SurfaceDistance(case.skin).outermost(crests))
-    if min(left, right) < 0.0 or abs(left - right) < _UNLIKE:
-        return []
-    return [
-        f"the skin covers hip_left by {left:.0f} mm and hip_right by {right:.0f} mm, and {_UNLIKE:g} mm is "
-        "the most between both sides; bring skin and bones into one frame"
+    both = np.vstack([hip[hip[:, 2] > hip[:, 2].mean()] for hip in (left, right)])  # above the pubis
+    crests = [
+        left[left[:, 0] > left[:, 0].max() - _CREST],
+        right[right[:, 0] < right[:, 0].min() + _CREST],
+        both[both[:, 1] < both[:, 1].min() + _CREST],
+        both[both[:, 1] > both[:, 1].max() - _CREST],
     ]
+    left, right, front, back = (-float(far) for _, far in SurfaceDistance(case.skin).outermost(crests))
+    if min(left, right, back) < -_OUT:  # bone that reaches out is said by itself
+        return []
+    doubt = ""
+    if abs(left - right) > _UNLIKE and min(left, right) < _MUCH_LESS * max(left, right):
+        doubt = f"hip_left by {left:.0f} mm and hip_right by {right:.0f} mm"
+    elif back < _THIN and front - back > _UNLIKE:
+        doubt = f"the hip bones by {front:.0f} mm in front and by {max(back, 0.0):.0f} mm behind"
+    most = f"and {_UNLIKE:g} mm is the most between both where skin is thin; bring skin and bones into one frame"
+    return [f"the skin covers {doubt}, {most}"] if doubt else []
 
 
 def _outside(case: Case) -> list[str]:

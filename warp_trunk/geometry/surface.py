@@ -78,6 +78,12 @@ def area_vectors(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(0.5 * np.cross(b - a, c - a, axis=0).T)
 
 
+def area_centre(surface: Surface) -> np.ndarray:
+    """The centroid of a surface's area, wherever its vertices are dense [mm], shape (3,)."""
+    area = np.linalg.norm(area_vectors(surface.vertices, surface.faces), axis=1)
+    return area @ surface.vertices[surface.faces].mean(axis=1) / area.sum()
+
+
 def unit(vectors: np.ndarray) -> np.ndarray:
     """The vectors (..., n) at length 1; one without length stays as it is."""
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300)

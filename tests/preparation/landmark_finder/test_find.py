@@ -132,6 +132,43 @@ def test_vertebra_that_cannot_be_told_is_named_and_the_others_found(broken: Surf
     assert list(landmarks.vertebrae) == ["T5", "T6", "T8", "T9"]
 
 
+RIDGE = ((2, -30, 14), (6, -28, 18))
+"""A ridge of the wall of the body beside the midline, as coarse voxels make it."""
+
+
+def test_a_ridge_of_the_wall_is_not_taken_for_a_pedicle() -> None:
+    whole, ridged = (find_landmarks({**SOME, "T7": of_blocks(*VERTEBRA, *more)}) for more in ((), (RIDGE,)))
+    assert not ridged.unsure
+    lateral = [ridged.landmarks.point(f"T7_{side}_pedicle_superior")[0] for side in ("left", "right")]
+    expected = [whole.landmarks.point(f"T7_{side}_pedicle_superior")[0] for side in ("left", "right")]
+    np.testing.assert_allclose(lateral, expected, atol=0.3)
+
+
+def test_a_pedicle_unlike_the_opposite_one_is_in_doubt() -> None:
+    pedicles = ((8, -30, 4), (14, -18, 18)), ((-14, -30, 12), (-8, -18, 18))
+    landmarks = find_landmarks({**SOME, "T7": of_blocks(VERTEBRA[0], *pedicles, *VERTEBRA[3:])})
+    assert list(landmarks.unsure) == ["T7"]
+    assert "left pedicle is" in landmarks.unsure["T7"]
+
+
+def test_vertebrae_that_the_image_cuts_off_are_in_doubt() -> None:
+    top = SPINE["T5"].vertices[:, 2].max()
+    rib = moved(blocks((((40, -20, -60), (50, -10, 0)),)), np.eye(3), [0.0, 0.0, top])
+    assert not find_landmarks(SOME).unsure
+    assert not find_landmarks({**SOME, "rib_left_05": moved(rib, np.eye(3), [0.0, 0.0, -5.0])}).unsure
+    landmarks = find_landmarks({**SOME, "rib_left_05": rib})
+    assert list(landmarks.unsure) == ["T5"]
+    assert "it ends flat at z = 376 mm, as rib_left_05 does" in landmarks.unsure["T5"]
+
+
+def test_a_vertebra_off_the_curve_of_its_neighbours_is_in_doubt() -> None:
+    tilt = np.radians(28.0)
+    turn = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
+    centre = SPINE["T7"].vertices.mean(axis=0)
+    tilted = moved(SPINE["T7"], turn, list(centre - turn @ centre))
+    assert "28 degrees off the curve of the spine" in find_landmarks({**SOME, "T7": tilted}).unsure["T7"]
+
+
 def test_exchanged_names_are_told() -> None:
     landmarks = find_landmarks({**SOME, "T7": SPINE["T8"], "T8": SPINE["T7"]})
     assert set(landmarks.unsure) == {"T7", "T8"}

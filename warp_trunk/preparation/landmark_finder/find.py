@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from warp_trunk.case.landmarks import ASIS, VERTEBRA_POINTS, Landmarks
 from warp_trunk.checking import checked
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.section import arc_length
-from warp_trunk.geometry.surface import Surface, area_vectors, check_surface, unit
+from warp_trunk.geometry.surface import Surface, area_centre, area_vectors, check_surface, unit
 from warp_trunk.geometry.surface_checks import boundary_edges, components
 
 from .vertebra import FoundVertebra, UnsureError, find_vertebra
@@ -75,8 +75,8 @@ def find_landmarks(bones: Mapping[str, Surface]) -> FoundLandmarks:
         spines = iliac_spines(*(bones[hip] for hip in ASIS.values()))
         left = unit(spines[0] - spines[1])
 
-    unsure |= doubts_of_surface({name: bones[name] for name in present})
-    centres = {name: _centre(bones[name]) for name in present if name not in unsure}
+    unsure |= doubts_of_surface({name: bones[name] for name in present}) | doubts_of_ends(bones)
+    centres = {name: area_centre(bones[name]) for name in present if name not in unsure}
     unsure |= doubts_of_order(centres)
     centres = {name: centre for name, centre in centres.items() if name not in unsure}
     vertebrae: dict[str, FoundVertebra] = {}
@@ -94,11 +94,6 @@ def find_landmarks(bones: Mapping[str, Surface]) -> FoundLandmarks:
         points.append(spines)
     reasons = {name: unsure[name] for name in (*VERTEBRAE, *ASIS) if name in unsure}
     return FoundLandmarks(Landmarks(tuple(names), np.vstack(points)), vertebrae, reasons)
-
-
-def _centre(surface: Surface) -> np.ndarray:
-    area = np.linalg.norm(area_vectors(surface.vertices, surface.faces), axis=1)
-    return area @ surface.vertices[surface.faces].mean(axis=1) / area.sum()
 
 
 def _directions(centres: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -158,6 +153,12 @@ _TALLER, _LOWER = 1.5, 0.6
 hemivertebra is one that a surgeon should look at."""
 _OVERLAP = 0.3
 """Share of a body's height by which the next may reach into it."""
+_LEANING = 25.0
+"""A vertebra leans less against the curve of the spine [deg]; L5 more, as its neighbours lie on one side."""
+_NARROW, _WIDE = 0.6, 1.6
+"""Distance between the two pedicles over that of the neighbours."""
+_FLAT_SHARE, _IN_PLANE = 0.03, 0.3
+"""A bone that ends flat has more than this share of its area within this distance of its end [mm]."""
 
 
 def doubts_of_surface(bones: Mapping[str, Surface]) -> dict[str, str]:
@@ -173,6 +174,35 @@ def doubts_of_surface(bones: Mapping[str, Surface]) -> dict[str, str]:
         if (pieces := np.sum(sizes > _PIECE * sizes.max())) > 1:
             doubts[name] = f"it is in {pieces} pieces; give one vertebra, joined to its arch"
     return doubts
+
+
+def doubts_of_ends(bones: Mapping[str, Surface]) -> dict[str, str]:
+    """Vertebrae that end flat where another bone does, at an end of all bones: the image cuts them off there."""
+    doubts = {}
+    for axis, sign in product(range(3), (1.0, -1.0)):
+        ends = {name: float((sign * bone.vertices[:, axis]).max()) for name, bone in bones.items()}
+        most = max(ends.values())
+        last = [
+            name
+            for name, end in ends.items()
+            if end > most - _IN_PLANE and _flat_share(bones[name], axis, sign) > _FLAT_SHARE
+        ]
+        cut = f"it ends flat at {'xyz'[axis]} = {sign * most:.0f} mm, as {{}} does: the image cuts it off"
+        if len(last) > 1:
+            doubts |= {
+                name: cut.format(next(other for other in last if other != name))
+                for name in last
+                if name in VERTEBRAE
+            }
+    return doubts
+
+
+def _flat_share(bone: Surface, axis: int, sign: float) -> float:
+    """The share of a bone's area that lies in the plane across an axis where the bone ends."""
+    area = np.linalg.norm(area_vectors(bone.vertices, bone.faces), axis=1)
+    heights = sign * bone.vertices[bone.faces][..., axis]
+    flat = (heights > heights.max() - _IN_PLANE).all(axis=1)
+    return float(area[flat].sum() / area.sum())
 
 
 def doubts_of_order(centres: Mapping[str, np.ndarray]) -> dict[str, str]:
@@ -206,6 +236,19 @@ def doubts_of_neighbours(vertebrae: Mapping[str, FoundVertebra]) -> dict[str, st
             doubts[name] = (
                 f"its body is {heights[name]:.0f} mm high, those of its neighbours {usual:.0f} mm; {what}?"
             )
+    apart = {
+        name: float(np.linalg.norm(np.subtract(*v.points[2:].reshape(2, 2, 3).mean(axis=1))))
+        for name, v in vertebrae.items()
+    }
+    for name, usual in medians_of_neighbours(apart, 2).items():
+        if not _NARROW * usual <= apart[name] <= _WIDE * usual:
+            doubts.setdefault(
+                name, f"its pedicles are {apart[name]:.0f} mm apart, those of its neighbours {usual:.0f} mm"
+            )
+    for name, vertebra in vertebrae.items():
+        if name != VERTEBRAE[-1] and vertebra.off_curve > _LEANING:
+            lean = f"its endplates are {vertebra.off_curve:.0f} degrees off the curve of the spine"
+            doubts.setdefault(name, f"{lean}, and {_LEANING:g} is the most; is it whole?")
     for upper, lower in pairwise(name for name in vertebrae if name not in doubts):
         gap = (vertebrae[upper].points[1] - vertebrae[lower].points[0]) @ vertebrae[upper].axes[2]
         if VERTEBRAE.index(lower) == VERTEBRAE.index(upper) + 1 and gap < -_OVERLAP * heights[upper]:

@@ -215,6 +215,9 @@ _FLAT = 1.02
 """Sections larger by no more than this are as narrow as the narrowest; of them the middle one is taken."""
 _WIDEST = 1.3
 """Width of a pedicle over its height; what lies further from the canal belongs to the transverse process."""
+_UNEVEN = 0.5
+"""The smaller of two opposite pedicles over the larger, in its distance from the median plane and its height: less
+and one of them is a ridge of the body's wall or a part of the arch."""
 _NEIGHBOURS_BODY = 0.3
 """A second part in front of the canal with this share of the body's area is another body."""
 
@@ -329,12 +332,14 @@ def _pedicles(local: Surface, low: np.ndarray, high: np.ndarray) -> tuple[float,
     """
     sections: list[tuple[float, tuple[np.ndarray, np.ndarray]]] = []
     sizes: list[float] = []
-    missing = {"left", "right"}
+    missing, uneven = {"left", "right"}, ""
     for depth in high[0] + np.arange(0.5, _BEHIND * (high[0] - low[0]), 0.5):
         parts = coronal(local, float(depth))
         left, right = (_pedicle(parts, side, low[1], high[1]) for side in (1.0, -1.0))
         missing -= {word for word, part in (("left", left), ("right", right)) if part is not None}
-        if left is not None and right is not None:
+        unlike = "" if left is None or right is None else unevenness(_size(left), _size(right))
+        uneven = uneven or unlike
+        if left is not None and right is not None and not unlike:
             sizes.append(abs(enclosed_area(left)) + abs(enclosed_area(right)))
             if sizes[-1] > _RISE * min(sizes):
                 sizes.pop()
@@ -342,11 +347,26 @@ def _pedicles(local: Surface, low: np.ndarray, high: np.ndarray) -> tuple[float,
             sections.append((float(depth), (left, right)))
         elif sections:
             break  # the arch begins
+    if not sections and uneven:
+        raise UnsureError(f"{uneven}; is it whole, and finely enough segmented?")
     if not sections:
         which = f"{min(missing)} pedicle" if len(missing) == 1 else "pedicles"
         raise UnsureError(f"no {which} behind its body; is the arch joined to the body?")
     narrow = np.flatnonzero(np.array(sizes) < _FLAT * min(sizes))
     return sections[narrow[len(narrow) // 2]]
+
+
+def _size(pedicle: np.ndarray) -> np.ndarray:
+    """Distance of a pedicle's section from the median plane, and its height [mm], shape (2,)."""
+    return np.array([abs(centroid(pedicle)[0]), np.ptp(pedicle[:, 1])])
+
+
+def unevenness(left: np.ndarray, right: np.ndarray) -> str:
+    """How two opposite pedicles differ, where they do: by their distances and heights [mm], shape (2,)."""
+    for what, one_side, other_side in zip(("from the median plane", "high"), left, right, strict=True):
+        if min(one_side, other_side) < _UNEVEN * max(one_side, other_side):
+            return f"its left pedicle is {one_side:.0f} mm {what} and its right one {other_side:.0f} mm"
+    return ""
 
 
 def _pedicle(parts: list[np.ndarray], side: float, bottom: float, top: float) -> np.ndarray | None:
