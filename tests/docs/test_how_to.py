@@ -3,11 +3,16 @@
 A block that begins with ```sh is run; one of another program, or of a cluster, begins with ```text.
 """
 
+import contextlib
 import dataclasses
+import io
 import os
 import re
+import shlex
+import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +28,7 @@ from warp_trunk.case import Case, read_case, write_case
 from warp_trunk.case.case import Study
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
 from warp_trunk.case.tissue_file import read_tissue_file
+from warp_trunk.cli import main
 from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.measures.measures import measure_spine
 from warp_trunk.measures.quantities import Measured, MeasureTable
@@ -33,74 +39,70 @@ from warp_trunk.results.result import read_result
 from warp_trunk.results.summary import read_summary
 
 ROOT = Path(__file__).parents[2]
-SMALL = "--tets 26000 --bone-voxel 8 --bone-tolerance 2"
+MESH = "--tets 26000 --bone-voxel 8 --bone-tolerance 2"
 """Added to each simulation of a patient with a coarse skin, so that it takes some seconds ..."""
+SMALL = f"{MESH} --increments 2"
+"""... where the page leaves the increments as they are, ..."""
 SMALLEST = "--tets 8000 --bone-voxel 8 --increments 2"
 """... of the patients of a study, who have a few bones, ..."""
-DEMO = "--tets 70000 --bone-voxel 8 --bone-tolerance 2 --increments 2"
+DEMO = "--tets 50000 --bone-voxel 8 --bone-tolerance 2 --increments 2"
 """... of the synthetic trunk as it is, ..."""
-FINE = "--tets 150000"
+FINE = "--tets 150000 --increments 2"
 """... and of real anatomy."""
-PROGRAM = """#!/bin/sh
-case "$1 $*" in
-    simulate*|demo*|cohort*|calibrate*|plan*--aim*) exec {program} "$@" {small} ;;
-    view*|plan*--live*) exec served {program} "$@" ;;
-    *) exec {program} "$@" ;;
-esac
-"""
-SERVED = """#!{python}
-import signal, subprocess, sys
-process = subprocess.Popen(sys.argv[1:], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-signal.signal(signal.SIGALRM, lambda *_: process.kill())
-signal.alarm(60)
-for line in process.stdout:
-    print(line, end="", flush=True)
-    if "http://" in line:
-        process.send_signal(signal.SIGINT)
-sys.exit(process.wait() not in (0, 130))
-"""
-"""Runs a program that serves until it is asked to end, which it is at its first address."""
+SIMULATING = re.compile("(simulate|demo|cohort|calibrate|plan .*--(aim|live)) ?.*")
+SERVING = re.compile("view .*|plan .*--live.*")
 pytestmark = pytest.mark.slow
 
 
-def blocks(page: str) -> str:
-    """All commands of a page as one script."""
+def commands(page: str) -> list[str]:
+    """All lines of the blocks of a page, without the command that chooses the environment."""
     text = (ROOT / "docs" / page).read_text(encoding="utf-8")
-    return "\n".join(re.findall(r"^```sh\n(.*?)^```$", text, flags=re.DOTALL | re.MULTILINE))
+    blocks = "".join(re.findall(r"^```sh\n(.*?)^```$", text, flags=re.DOTALL | re.MULTILINE))
+    assert blocks, f"{page} has no block of commands"
+    return re.sub("^uv run ", "", blocks.replace("\\\n", " "), flags=re.MULTILINE).splitlines()
+
+
+def served(words: list[str]) -> str:
+    """Runs a program that serves until it is asked to end, which it is at its first address."""
+    program = [sys.executable, "-c", "from warp_trunk.cli import main; raise SystemExit(main())"]
+    environment = os.environ | {"BROWSER": "true", "PYTHONUNBUFFERED": "1"}
+    said = ""
+    with subprocess.Popen(
+        [*program, *words], env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8"
+    ) as process:
+        late = threading.Timer(60.0, process.kill)
+        late.start()
+        assert process.stdout is not None
+        for line in process.stdout:
+            if "http://" in line and "http://" not in said:
+                process.send_signal(signal.SIGINT)
+            said += line
+        late.cancel()
+    assert process.returncode in (0, 130), said[-3000:]
+    return said
 
 
 def run(page: str, folder: Path, small: str = SMALL) -> str:
-    """Runs a page in a folder, with this environment's program and small meshes; returns what was printed."""
-    binaries = folder / "bin"
-    binaries.mkdir()
-    program = Path(sys.executable).with_name("warp-trunk")
-    scripts = {
-        "warp-trunk": PROGRAM.format(program=program, small=small),
-        "uv": '#!/bin/sh\n[ "$1" = run ] || exit 0\nshift\nexec "$@"\n',
-        "pip": "#!/bin/sh\n",
-        "served": SERVED.format(python=sys.executable),
-    }
-    for name, script in scripts.items():
-        (binaries / name).write_text(script, encoding="utf-8")
-        (binaries / name).chmod(0o755)
-    commands = blocks(page)
-    assert commands, f"{page} has no block of commands"
-    environment = os.environ | {
-        "PATH": f"{binaries}:{os.environ['PATH']}",
-        "BROWSER": "true",
-        "PYTHONUNBUFFERED": "1",
-    }
-    ended = subprocess.run(
-        ["sh", "-ex"],
-        input=commands,
-        cwd=folder,
-        env=environment,
-        encoding="utf-8",
-        capture_output=True,
-        check=False,
-    )
-    assert ended.returncode == 0, f"{ended.stdout[-3000:]}\n{ended.stderr[-3000:]}"
-    return ended.stdout
+    """Runs a page in a folder, the program's commands in this process with small meshes; returns the output.
+
+    That the program starts as one of its own is shown by .ci/run, which installs it.
+    """
+    said = io.StringIO()
+    with contextlib.chdir(folder):
+        for command in commands(page):
+            program, *words = shlex.split(command, comments=True) or [""]
+            line = " ".join(words)
+            if program == "warp-trunk":
+                words += small.split() if SIMULATING.fullmatch(line) else []
+                if SERVING.fullmatch(line):
+                    said.write(served(words))
+                    continue
+                with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+                    status = main(words)
+                assert status == 0, f"{command}\n{said.getvalue()[-3000:]}"
+            elif program not in ("", "uv", "pip"):
+                subprocess.run([program, *words], check=True)
+    return said.getvalue()
 
 
 def number(result: Path, quantity: str, level: str, state: str = "predicted") -> Measured:
@@ -172,25 +174,30 @@ def test_intervals_are_in_the_summary_and_judge_the_actual_back(tmp_path: Path) 
     assert re.search(r"in its 95 % band at \d+ of \d+ levels", said)
 
 
-def test_a_result_is_exported_for_slides_and_another_solver(tmp_path: Path) -> None:
+def test_a_result_is_exported_for_slides_and_another_solver(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     write_patient(tmp_path)
-    program = Path(sys.executable).with_name("warp-trunk")
-    subprocess.run([program, "simulate", "cases/anna", *SMALL.split()], cwd=tmp_path, check=True)
+    monkeypatch.chdir(tmp_path)
+    assert main(["simulate", "cases/anna", *SMALL.split()]) == 0
     run("look.md", tmp_path)
     assert (tmp_path / "results" / "anna" / "skin.glb").read_bytes()[:4] == b"glTF"
     assert "*MATERIAL" in (tmp_path / "trunk.inp").read_text(encoding="utf-8").upper()
 
 
-def test_the_papers_are_run_by_one_command_and_by_one_script(tmp_path: Path) -> None:
+def test_the_papers_are_run_by_one_command_and_by_one_script(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     write_patient(tmp_path)
-    run("papers.md", tmp_path)
+    run("papers.md", tmp_path, MESH)
     (script,) = re.findall(
         r"^```python\n(.*?)^```$", (ROOT / "docs" / "papers.md").read_text(encoding="utf-8"), re.DOTALL | re.M
     )
     mesh = "mesh=wt.MeshOptions(tets=26_000, bone_voxel=8.0, bone_tolerance=2.0)"
     small = script.replace("alpha=0.3)", f"alpha=0.3, {mesh})")
     assert small != script
-    subprocess.run([sys.executable, "-c", small], cwd=tmp_path, check=True)
+    monkeypatch.chdir(tmp_path)
+    exec(small, {})
     said = [read_summary(tmp_path / "results" / name).springs for name in ("anna_papers", "anna_papers_python")]
     assert said[0] == said[1]
     assert said[0] is not None
@@ -277,7 +284,7 @@ def test_a_case_is_made_of_a_scan_of_the_back(tmp_path: Path) -> None:
     trimesh.PointCloud(points).export(tmp_path / "back.ply")
     np.savetxt(tmp_path / "spine.csv", spine.line, delimiter=",", header="x,y,z", comments="")
     write_landmarks(tmp_path / "markers.csv", markers)
-    run("from_a_back_scan.md", tmp_path, DEMO)
+    run("from_a_back_scan.md", tmp_path, DEMO.replace("50000", "70000"))
     page = (tmp_path / "results" / "planned" / "report.html").read_text(encoding="utf-8")
     assert "Fitted from a scan of the back" in page
 
