@@ -13,15 +13,14 @@ curves and plans are drawn. Every number is measured as `simulate` measures it.
 import dataclasses
 import math
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import tyro
+from processes import in_processes, threads_of_each
 from synthetic_patient import curve_of, draw
 from trunks import read_trunk, trunks_in
 
@@ -29,7 +28,6 @@ from warp_trunk import Execution, InputError, RunOptions, SpineCurve, make_case
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_surgery
 from warp_trunk.bone_motion.rib_cage import ends
 from warp_trunk.case import Case
-from warp_trunk.engine.parallel import choose_threads
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.measures import TrunkMeasures, measure
@@ -186,7 +184,7 @@ def _bodies(folders: list[Path], options: Options) -> None:
     print("|---|---|---|---|---|---|---|---|")
     done: list[Outcome] = []
     tasks: list[tuple[Path, Kind]] = [(folder, kind) for folder in folders for kind in CURVES]
-    for (folder, kind), outcomes in zip(tasks, _each(_curve, tasks, options), strict=True):
+    for (folder, kind), outcomes in zip(tasks, in_processes(_curve, tasks, options, options.jobs), strict=True):
         for correction, o in zip(CORRECTIONS, outcomes, strict=True):
             done.append(o)
             shoulders = [side.difference for m in (o.before, o.after) if (side := m.shoulders)]
@@ -227,7 +225,7 @@ def _curve(task: tuple[Path, Kind], options: Options) -> list[Outcome]:
 
 def _cohort(folders: list[Path], options: Options) -> None:
     tasks = [(number, folders) for number in range(options.patients)]
-    outcomes, kinds, refused = zip(*_each(_drawn, tasks, options), strict=True)
+    outcomes, kinds, refused = zip(*in_processes(_drawn, tasks, options, options.jobs), strict=True)
     _print_cohort(outcomes)
     _print_ends(outcomes, kinds)
     print(f"- curves that were refused and drawn again: {sum(refused)}")
@@ -249,15 +247,6 @@ def _drawn(task: tuple[int, list[Path]], options: Options) -> tuple[Outcome, Kin
                 raise
             print(f"drawn again: {error}", file=sys.stderr, flush=True)
     raise SystemExit(f"patient {number}: {MOST_DRAWS} curves were refused")
-
-
-def _each(work: Callable[[Any, Options], Any], tasks: list[Any], options: Options) -> Iterator[Any]:
-    """The results of tasks in their order, which `jobs` processes share."""
-    if options.jobs == 1:
-        yield from (work(task, options) for task in tasks)
-        return
-    with ProcessPoolExecutor(options.jobs, mp_context=get_context("spawn")) as pool:
-        yield from pool.map(work, tasks, [options] * len(tasks))
 
 
 def _print_ends(outcomes: Sequence[Outcome], kinds: Sequence[Kind]) -> None:
@@ -397,8 +386,7 @@ def _run(options: Options) -> RunOptions:
 
 
 def _execution(options: Options) -> Execution:
-    threads = 0 if options.jobs == 1 else max(1, choose_threads(0) // options.jobs)
-    return Execution(device=options.device, threads=threads)
+    return Execution(device=options.device, threads=threads_of_each(options.jobs))
 
 
 if __name__ == "__main__":

@@ -48,7 +48,7 @@ CONSTANTS = {
 CASES = {"--workers": "2", "--scheduler": "tcp://a:1"}
 INTENTION = {
     "--uiv": "T5", "--liv": "L2", "--curve": "T8,correction=0.5", "--kyphosis-T5-T12": "30",
-    "--lordosis-L1-L5": "45", "--unfused": "fixed", "--spontaneous": "0.3", "--balance": "centre",
+    "--lordosis-L1-L5": "45", "--unfused": "fixed", "--spontaneous": "0.2", "--balance": "centre",
     "--sva-after": "5",
 }  # fmt: skip
 CUTS = {"--cut-above": "400", "--cut-below": "-90", "--cut": "0,0,0,1,0,0,50"}

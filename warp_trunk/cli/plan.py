@@ -59,9 +59,11 @@ class PlanCommand:
     unfused: Literal["follow", "fixed"] | None = None
     """Segments outside the fusion follow (the default) or keep their rotation."""
     spontaneous: float | None = None
-    """Share of an unfused curve that corrects by itself, 0 to 1; from films of side bending, 0.5 without."""
-    balance: Literal["keep", "centre"] | None = None
-    """Where T1 stands in the coronal plane: as before (the default), or over the sacrum."""
+    """Share of an unfused curve that corrects by itself, 0 to 1; from films of side bending, without them 0.75 of
+    the share of the fused curves."""
+    balance: Literal["posture", "keep", "centre"] | None = None
+    """Where T1 stands in the coronal plane: as patients stand after surgery (the default), as before, or over the
+    sacrum."""
     sva_after: float | None = None
     """How far T1 stands in front of the sacrum after [mm]; kept when left out."""
     aim: Literal["hump", "bsr"] | None = None

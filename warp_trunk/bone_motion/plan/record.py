@@ -72,9 +72,11 @@ class Plan:
     """Segments outside the fusion: they follow with least motion, or keep their rotation."""
     spontaneous: Annotated[float, Meta(ge=0.0, le=1.0)] | None = None
     """Share of a curve outside the fusion that corrects by itself, 0 to 1; never more than the planned curves
-    are corrected. What bent out on films of side bending when left out, without films a half."""
-    balance: Literal["keep", "centre"] = "keep"
-    """Where T1 stands in the coronal plane: as far beside the sacrum as before, or over it."""
+    are corrected. What bent out on films of side bending when left out, without films three quarters of the share
+    by which the planned curves are corrected."""
+    balance: Literal["posture", "keep", "centre"] = "posture"
+    """Where T1 stands in the coronal plane: where patients stand after such surgery, near the sacrum and to the
+    convex side of a curve on which the fusion ends; as far beside the sacrum as before; or over it."""
     sva_after: Annotated[float, Meta(ge=-150.0, le=150.0)] | None = None
     """How far T1 stands in front of the sacrum after [mm]; as far as before when left out."""
     file_keys: ClassVar[Mapping[str, str]] = {"curves": "curve"}  # plan.toml has a table [[curve]] for each

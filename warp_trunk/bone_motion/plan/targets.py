@@ -21,9 +21,25 @@ if TYPE_CHECKING:
     from .record import CurvePlan, Plan
     from .spine_chain import SpineChain
 
-HALF = 0.5
-"""Share of an unfused curve that corrects by itself where nothing is known of it: lumbar curves went from 43.9 to
-22.0 degrees after selective thoracic fusion (24 patients; Ishikawa et al., J Orthop Sci 2015, 20:31)."""
+FOLLOWS = 0.75
+"""Share of an unfused curve that corrects by itself over that of the fused curves, where nothing is known of it.
+
+Lumbar curves below a thoracic fusion: 0.72 (32 patients, Lenke 1B and 1C), 0.76 (121; Sullivan et al.), 0.98 (37;
+cantilever bending) and 0.94 (28; Choi et al. 2008, Asian Spine J 2:81). Upper thoracic curves: 0.66 (56; Smyrnis
+et al. 2009, Eur Spine J 18:522).
+"""
+IMBALANCE_LEFT = 0.1
+"""Part of the coronal imbalance before surgery that remains: patients who leaned to the left by 24 and by 36 mm
+stood 18 and 19 mm to the left two years after selective thoracic fusion (121 and 47 patients)."""
+LEANS = 0.65
+"""How far T1 stands to the convex side of a curve on which the fusion ends, for each degree that is left of it
+[mm/degree]: 18 mm at 23 degrees in the first of these studies.
+
+Two others judge it: -5.6 to -14.6 mm at 22.0 degrees (24 patients; Ishikawa et al., J Orthop Sci 2015, 20:31) and
+-3.8 to -12.0 mm at 22.5 (21; Scoliosis Spinal Disord 2017, 12:16).
+"""
+ADAPTED = 0.5
+"""Share of the Cobb angle from which the posture is that of these patients; less is operated, less it changes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,19 +107,25 @@ def curves_of_plan(
             fused = f"{plan.uiv} to {plan.liv}"
             raise InputError(f"curve {asked.apex}: is outside the fusion, {fused}; fuse it or leave it out")
         wanted[curve] = asked
-    corrected = max((_correction(asked, curve.angle) for curve, asked in wanted.items()), default=0.0)
+    corrected = _corrected(wanted.items())
     planned = []
     for curve in curves:
         bent_out = flexibility.get(curve.apex)
-        share = plan.spontaneous if plan.spontaneous is not None else HALF if bent_out is None else bent_out
+        expected = FOLLOWS * corrected if bent_out is None else bent_out
+        share = expected if plan.spontaneous is None else plan.spontaneous
         planned.append(Curve(curve, wanted.get(curve), min(max(share, 0.0), corrected), bent_out))
     return tuple(planned)
 
 
-def _correction(asked: CurvePlan, angle: float) -> float:
-    if asked.cobb_after is not None:
-        return min(max(1.0 - asked.cobb_after / angle, 0.0), 1.0)
-    return asked.correction or 0.0
+def _corrected(planned: Iterable[tuple[CobbAngle, CurvePlan | None]]) -> float:
+    """The largest share of a Cobb angle that a plan takes away."""
+    shares = [0.0]
+    for curve, asked in planned:
+        if asked is not None and asked.cobb_after is not None:
+            shares.append(min(max(1.0 - asked.cobb_after / curve.angle, 0.0), 1.0))
+        elif asked is not None and asked.correction is not None:
+            shares.append(asked.correction)
+    return max(shares)
 
 
 def curve_around(level: str, curves: Iterable[CobbAngle], levels: Sequence[str]) -> CobbAngle | None:
@@ -147,12 +169,31 @@ def targets_of(chain: SpineChain, plan: Plan, curves: tuple[Curve, ...]) -> list
     for name, unit, wanted, read in (
         ("kyphosis_T5_T12", "degrees", plan.kyphosis_T5_T12, methodcaller("sagittal", "T12", "T5")),
         ("lordosis_L1_L5", "degrees", plan.lordosis_L1_L5, methodcaller("sagittal", "L1", "L5")),
-        ("coronal balance", "mm", None if plan.balance == "keep" else 0.0, methodcaller("plumb", 0)),
+        ("coronal balance", "mm", _balance(still, plan, curves), methodcaller("plumb", 0)),
         ("sva_after", "mm", plan.sva_after, methodcaller("plumb", 1)),
     ):
         if wanted is not None or unit == "mm" or set(name.split("_")[1:]) <= set(chain.levels):
             targets.append(Target(name, unit, float(read(still)) if wanted is None else wanted, read))
     return targets
+
+
+def _balance(still: Placed, plan: Plan, curves: tuple[Curve, ...]) -> float:
+    """How far T1 is to stand to the right of the sacrum [mm]."""
+    before = float(still.plumb(0))
+    if plan.balance == "centre":
+        return 0.0
+    if plan.balance == "keep" or plan.unfused == "fixed":
+        return before
+    left_below = (
+        math.copysign(
+            (1.0 - curve.spontaneous) * curve.before.angle, 1.0 if curve.before.convex == "right" else -1.0
+        )
+        for curve in curves
+        if curve.plan is None and rank(curve.before.upper) <= rank(plan.liv) < rank(curve.before.apex)
+    )
+    after = IMBALANCE_LEFT * before + LEANS * sum(left_below)
+    adapted = min(_corrected((curve.before, curve.plan) for curve in curves) / ADAPTED, 1.0)
+    return before + adapted * (after - before)
 
 
 def _of_curve(still: Placed, asked: CurvePlan, curve: CobbAngle, around: tuple[int, int]) -> list[Target]:
