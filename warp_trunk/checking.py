@@ -198,6 +198,8 @@ def _as_hinted(value: Any, hint: Any, what: str, name: str) -> Any:
         count = len(members) if _outer(kind) is tuple and Ellipsis not in members else None
         if count not in (None, len(value)):
             raise InputError(f"{what}: '{name}' must have {count} members, not {len(value)}; correct it")
+        if members[0] in (str, float) and count is None and all(type(member) is members[0] for member in value):
+            return tuple(value) if _outer(kind) is tuple else value
         kinds = members[:1] * len(value) if count is None else members
         fitting = [
             _as_hinted(member, kind, what, f"{name}[{number}]")

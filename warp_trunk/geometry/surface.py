@@ -62,6 +62,26 @@ def directed_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
 
 
+def shared_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Edges of two triangles each: their vertices and these triangles, shape (edges, 2) each.
+
+    To import trimesh, which has them too, takes a twentieth of a simulation."""
+    first, second = directed_edges(faces)
+    low, high = np.minimum(first, second), np.maximum(first, second)
+    edge = low * (first.max(initial=0) + 1) + high
+    order = np.argsort(edge, kind="stable")
+    twice = np.flatnonzero(np.diff(edge[order]) == 0)
+    sides = np.stack([order[twice], order[twice + 1]], axis=1)
+    return np.stack([low, high], axis=1)[sides[:, 0]], sides // 3
+
+
+def bends(surface: Surface, pairs: np.ndarray) -> np.ndarray:
+    """Angle between the normals of two triangles [degrees], from 0, for each of `pairs`, shape (pairs,)."""
+    first, second = np.moveaxis(unit(area_vectors(surface.vertices, surface.faces))[pairs], 1, 0)
+    sine = np.linalg.norm(np.cross(first, second), axis=1)  # exact for small angles, where the cosine is not
+    return np.degrees(np.arctan2(sine, np.einsum("ij,ij->i", first, second)))
+
+
 def neighbour_means(surface: Surface) -> csr_array:
     """The matrix that takes values at vertices to their means over the neighbours, shape (vertices, vertices)."""
     from scipy.sparse import csr_array, diags_array  # heavy

@@ -96,7 +96,7 @@ def manifold_fault(surface: Surface) -> str | None:
     open_edges = np.setdiff1d(first * count + second, second * count + first, assume_unique=True)
     if fault := _at_edge("it is open along", np.sort(open_edges), surface):
         return fault
-    if (pinched := np.flatnonzero(_fans(surface.faces.astype(np.int64), count) > 1)).size:
+    if (pinched := _pinched(surface.faces.astype(np.int64), count)).size:
         place = _place(surface.vertices[pinched[0]])
         return f"parts of it touch in {pinched.size} single vertices, the first near {place}"
     return None
@@ -159,18 +159,21 @@ def components(surface: Surface) -> np.ndarray:
     return linked_parts(faces[:, :2].reshape(-1), faces[:, 1:].reshape(-1), len(surface.vertices))
 
 
-def _fans(faces: np.ndarray, count: int) -> np.ndarray:
-    """How many separate fans of triangles meet at each vertex of a closed oriented surface."""
-    # a corner of a triangle is linked to the corner at the same vertex across one of its edges
-    corner = np.arange(faces.size).reshape(-1, 3)
+def _pinched(faces: np.ndarray, count: int) -> np.ndarray:
+    """Vertices of a closed oriented surface at which several fans of triangles meet, shape (pinched,)."""
     first, second = faces, np.roll(faces, -1, axis=1)
     out = np.argsort((first * count + second).reshape(-1))  # directed edge v -> w, at the corner of v
     into = np.argsort((second * count + first).reshape(-1))  # its reverse w -> v, whose v is the next corner
-    out_corner, in_corner = corner.reshape(-1)[out], np.roll(corner, -1, axis=1).reshape(-1)[into]
-    fan = linked_parts(out_corner, in_corner, faces.size)
-    vertex_of_fan = np.zeros(fan.max() + 1, dtype=np.int64)
-    vertex_of_fan[fan] = faces.reshape(-1)
-    return np.bincount(vertex_of_fan, minlength=count)
+    corner = np.arange(faces.size).reshape(-1, 3)
+    across = np.empty(faces.size, dtype=np.int64)  # the corner at the same vertex across an edge
+    across[out] = np.roll(corner, -1, axis=1).reshape(-1)[into]
+    start = np.empty(count, dtype=np.int64)
+    start[faces.reshape(-1)] = corner.reshape(-1)  # one corner of each vertex
+    size, at = np.ones(count, dtype=np.int64), across[start]
+    while (walking := np.flatnonzero(at != start)).size:
+        size[walking] += 1
+        at[walking] = across[at[walking]]
+    return np.flatnonzero(size < np.bincount(faces.reshape(-1), minlength=count))
 
 
 def _at_edge(what: str, keys: np.ndarray, surface: Surface) -> str | None:

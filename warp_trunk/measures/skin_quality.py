@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import Surface, area_vectors, directed_edges, unit
+from warp_trunk.geometry.surface import Surface, area_vectors, bends, shared_edges
 from warp_trunk.geometry.surface_checks import linked_parts
 from warp_trunk.spine.spine import asis_axis, spine_of
 
@@ -131,8 +131,8 @@ def skin_change(before: Surface, predicted: Surface) -> SkinChange:
     area = np.linalg.norm(area_vectors(before.vertices, before.faces), axis=1)
     if not (area > 0.0).all():
         raise InputError("skin quality: a triangle of the skin before has no area; merge vertices that coincide")
-    pairs = _neighbours(before.faces)
-    fold = _angles(predicted, pairs) - _angles(before, pairs)
+    _, pairs = shared_edges(before.faces)
+    fold = bends(predicted, pairs) - bends(before, pairs)
     centroids = before.vertices[before.faces].mean(axis=1)
     apart = np.linalg.norm(centroids[pairs[:, 0]] - centroids[pairs[:, 1]], axis=1)
     sharp = pairs[10.0 * fold > FOLD * apart]
@@ -165,25 +165,6 @@ def _middle_of_largest(part: np.ndarray, change: SkinChange, middle: np.ndarray)
     size = np.bincount(label[part], change.area[part])
     largest = part & (label == size.argmax())
     return np.average(middle[largest], axis=0, weights=change.area[largest])
-
-
-def _neighbours(faces: np.ndarray) -> np.ndarray:
-    """The two faces at each edge of a closed 2-manifold, shape (edges, 2).
-
-    To import trimesh, which has them too, takes a twentieth of a simulation."""
-    first, second = directed_edges(faces)
-    edge = np.minimum(first, second) * (first.max(initial=0) + 1) + np.maximum(first, second)
-    order = np.argsort(edge, kind="stable")
-    twice = np.flatnonzero(np.diff(edge[order]) == 0)
-    return np.stack([order[twice], order[twice + 1]], axis=1) // 3
-
-
-def _angles(surface: Surface, pairs: np.ndarray) -> np.ndarray:
-    """Angle between the normals of two neighbouring triangles [degrees], from 0, shape (pairs,)."""
-    normal = unit(area_vectors(surface.vertices, surface.faces))
-    first_normal, other = normal[pairs[:, 0]], normal[pairs[:, 1]]
-    sine = np.linalg.norm(np.cross(first_normal, other), axis=1)  # exact for small angles, where the cosine is not
-    return np.degrees(np.arctan2(sine, np.einsum("ij,ij->i", first_normal, other)))
 
 
 def _place(point: np.ndarray, landmarks: Landmarks | None, bones: Mapping[str, Surface]) -> str:

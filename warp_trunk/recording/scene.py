@@ -141,8 +141,7 @@ class Scene:
         marks = rr.Points3D(points, radii=2.5, colors=NOW, labels=list(names), show_labels=False)
         self._log(f"{when}/landmarks", marks, static=static)
         if self._case.has_spine:
-            spine = Landmarks(self._case.landmarks_before.names, points)
-            middles = np.array([spine.of_bone(level).points.mean(axis=0) for level in self._levels], np.float32)
+            middles = Landmarks(names, landmarks).middles().astype(np.float32)
             beside = middles.copy()
             beside[:, 0] = self._low[0] - BESIDE
             joined = self._fused if when != "before" else ()

@@ -41,16 +41,15 @@ STRETCH_STEP = 0.05
 """Difference of stretch between two colours."""
 
 
+Looks = tuple[Window, Sequence[Relief]]
+"""The relief of every pose in one window."""
+
+
 def looks(
-    poses: Sequence[TrunkState],
-    view: Viewpoint = BEHIND,
-    pixel: float = COARSE,
-    lowest: float = -np.inf,
-    wear: Wear = "shorts",
-) -> tuple[Window, list[Relief]]:
-    """The relief of every pose from one side above a height [mm], in one window, as it is dressed."""
-    seen = window([(pose.skin, pose.landmarks) for pose in poses], pixel, view)
-    seen, reliefs = Window(seen.x, seen.z[seen.z > lowest], seen.pixel), []
+    poses: Sequence[TrunkState], view: Viewpoint = BEHIND, pixel: float = COARSE, wear: Wear = "shorts"
+) -> Looks:
+    """The relief of every pose from one side, in one window, as it is dressed."""
+    seen, reliefs = window([(pose.skin, pose.landmarks) for pose in poses], pixel, view), []
     for pose in poses:
         skin, cloth = pose.skin, None
         if pose.worn is not None:
@@ -115,11 +114,9 @@ def lines(axes: Axes, seen: Window, values: np.ma.MaskedArray, levels: Sequence[
     axes.contour(seen.x[::2], seen.z[::2], values[::2, ::2], levels, colors=INK, linewidths=0.5, linestyles=style)
 
 
-def plain_picture(
-    poses: Sequence[TrunkState], view: Viewpoint, lowest: float = -np.inf, wear: Wear = "shirt"
-) -> tuple[Figure, list[Axes]]:
-    """Every pose from one side, above a height [mm], dressed and in the colours of its scan; and the panels."""
-    seen, reliefs = looks(poses, view, lowest=lowest, wear=wear)
+def plain_picture(poses: Sequence[TrunkState], view: Viewpoint, looked: Looks) -> tuple[Figure, list[Axes]]:
+    """Every pose as it looks from one side, in the colours of its scan; and the panels."""
+    seen, reliefs = looked
     headings = [pose.look.heading for pose in poses]
     images = []
     for pose, look in zip(poses, reliefs, strict=True):
@@ -133,13 +130,16 @@ def plain_picture(
     return figure, plots
 
 
-def shoulders_picture(poses: Sequence[TrunkState]) -> Figure | None:
-    """The upper trunk of every pose from the front, with the heights of its shoulders; None without T1, or where
-    the front was not measured."""
+def shoulders_picture(poses: Sequence[TrunkState], front: Looks) -> Figure | None:
+    """The upper trunk of every pose as it looks from the front, with the heights of its shoulders; None without
+    T1, or where the front was not measured."""
     if any("T1" not in pose.landmarks.vertebrae() or pose.unseen is not None for pose in poses):
         return None
     tops = [seen_from(pose.landmarks.of_bone("T1").points, pose.landmarks, FRONT).mean(axis=0) for pose in poses]
-    figure, plots = plain_picture(poses, FRONT, min(z for _, _, z in tops) - BUST)
+    seen, reliefs = front
+    rows = int((seen.z > min(z for _, _, z in tops) - BUST).sum())
+    upper = Window(seen.x, seen.z[:rows], seen.pixel), [look.uppermost(rows) for look in reliefs]
+    figure, plots = plain_picture(poses, FRONT, upper)
     for axes, pose, (x, _, z) in zip(plots, poses, tops, strict=True):
         shoulders, colour = pose.measures.shoulders, pose.look.colour
         if shoulders is None:
@@ -198,16 +198,17 @@ def at_vertices(skin: Surface, values: np.ndarray) -> np.ndarray:
     return np.bincount(corner, np.repeat(values, 3), minlength=count) / triangles
 
 
-def sure_picture(pose: TrunkState, skin_sd: np.ndarray | None) -> Figure | None:
+def sure_picture(pose: TrunkState, seen: Window, back: Relief, skin_sd: np.ndarray | None) -> Figure | None:
     """The predicted back, darker where its places are less sure, in steps of 1 mm.
 
     Args:
         pose: the prediction.
+        seen: the window of its relief.
+        back: its relief.
         skin_sd: standard deviation of each vertex along its normal [mm], shape (vertices,); None gives no picture.
     """
     if skin_sd is None:
         return None
-    seen, (back,) = looks([pose], pixel=FINE)
     values = back.values(skin_sd)
     norm = BoundaryNorm(np.arange(max(2.0, float(np.ceil(np.nanmax(values)))) + 1.0), 256)
     part, label = 0.9 * np.isfinite(values), "standard deviation [mm]"

@@ -133,7 +133,7 @@ def file_of(figure: Figure, ending: str, source: str | None = None) -> bytes:
     """The figure as a file, 'svg' or 'png' (with its source); the same figure gives the same bytes."""
     file = io.BytesIO()
     metadata: dict[str, Any] = {"svg": {"Date": None}, "png": {"Software": None, "Source": source}}[ending]
-    packing: dict[str, Any] = {"png": {"pil_kwargs": {"compress_level": 3}}}.get(ending, {})
+    packing: dict[str, Any] = {"png": {"pil_kwargs": {"compress_level": 1}}}.get(ending, {})
     figure.savefig(file, format=ending, dpi=200, metadata=metadata, **packing)
     figure.set_layout_engine("none")  # it is laid out, and stays so
     return file.getvalue()
@@ -145,7 +145,7 @@ def embedded(figure: Figure, png: bytes) -> bytes:
 
     if any(axes.images for axes in figure.axes):
         file = io.BytesIO()
-        Image.open(io.BytesIO(png)).convert("RGB").save(file, "webp", quality=68)
+        Image.open(io.BytesIO(png)).convert("RGB").save(file, "webp", quality=68, method=2)
         return file.getvalue()
     short = _PATH.sub(lambda path: _DIGITS.sub(rb"\1", path[0]), file_of(figure, "svg"))
     return _EMPTY.sub(b"", short).replace(b"DejaVuSans", b"f").replace(b"xlink:href", b"href")

@@ -25,7 +25,7 @@ from warp_trunk.measures.skin_quality import skin_change
 from warp_trunk.measures.verdicts import is_known
 from warp_trunk.results import Result
 from warp_trunk.views.hump import hump_on_vertices, painted_difference
-from warp_trunk.views.relief import BEHIND, FRONT, RIGHT, in_pelvis
+from warp_trunk.views.relief import BEHIND, FRONT, RIGHT, Viewpoint, in_pelvis
 
 from . import skin_pictures as skins
 from .dressing import dressed
@@ -76,7 +76,6 @@ def _whole(result: Result, folder: Path, bare: bool) -> str:
     if result.actual_skin is not None:
         rotations = result.measures.bsr, result.states[ACTUAL.state].bsr
         comparison = compare_skins(result.skin, result.actual_skin, result.landmarks_after, rotations)
-    poses = dressed(poses)
     change, quality = skin_change(result.skin_before, result.skin), summary.skin_quality
     doubtful = None
     if quality is not None and quality.faults:
@@ -86,29 +85,37 @@ def _whole(result: Result, folder: Path, bare: bool) -> str:
     sure = hump is not None and is_known(QUANTITIES["main_hump_mm"], hump, was)
     if result.effects is not None and hump is not None and sure and result.converged:
         more = _likely(poses, result, result.effects.likely_worse, hump)
-    figures, trunk = _backs(poses, doubtful, more, bare=bare)
+    every = dressed([*poses, *more])
+    poses, more = every[: len(poses)], every[len(poses) :]
+    figures, trunk, (seen, reliefs) = _backs(poses, doubtful, more, bare=bare)
+    front = skins.looks(poses, FRONT, wear="shirt")
     views = {"behind": BEHIND} | ({"front": FRONT} if bare and result.unseen is None else {})
     stretched = {name: skins.stretch_picture(poses[1], change, view) for name, view in views.items()}
     visible = {name: seen for name, (_, seen) in stretched.items()}
     fused = [(), () if plan is None else fused_levels(plan)]
     figures |= {
-        "front": skins.plain_picture(poses, FRONT)[0],
-        "side": skins.plain_picture(poses, RIGHT)[0],
-        "shoulders": skins.shoulders_picture(poses),
+        "front": skins.plain_picture(poses, FRONT, front)[0],
+        "side": _seen_from(RIGHT, poses, "shirt"),
+        "shoulders": skins.shoulders_picture(poses, front),
         "spine_behind": spine_picture(poses[:2], BEHIND, fused),
         "spine_side": spine_picture(poses[:2], RIGHT, fused),
         "rotation": rotation_plot(poses),
-        "sure": skins.sure_picture(poses[1], result.skin_sd),
+        "sure": skins.sure_picture(poses[1], seen, reliefs[1], result.skin_sd),
         **{f"stretch_{name}": figure for name, (figure, _) in stretched.items()},
         "sections": section_plots(poses),
         "convergence": convergence_plot(summary),
     }
     if result.skin.colours is not None:
-        figures["own_behind"] = skins.plain_picture(poses, BEHIND, wear="shorts")[0]
+        figures["own_behind"] = _seen_from(BEHIND, poses, "shorts")
     if bare:
-        figures["bare_front"] = skins.plain_picture(poses, FRONT, wear="nothing")[0]
-        figures["bare_side"] = skins.plain_picture(poses, RIGHT, wear="nothing")[0]
+        figures["bare_front"] = _seen_from(FRONT, poses, "nothing")
+        figures["bare_side"] = _seen_from(RIGHT, poses, "nothing")
     return page(result, poses, comparison, _drawn(figures, folder), trunk, skin_areas(change, visible))
+
+
+def _seen_from(view: Viewpoint, poses: Sequence[TrunkState], wear: skins.Wear) -> Figure:
+    """Every pose from one side, dressed."""
+    return skins.plain_picture(poses, view, skins.looks(poses, view, wear=wear))[0]
 
 
 def _likely(poses: Sequence[TrunkState], result: Result, worse: np.ndarray, hump: Measured) -> list[TrunkState]:
@@ -140,7 +147,7 @@ def _part(result: Result, folder: Path) -> str:
     bones = [Surface(nodes, trunk.bone_faces) for nodes in (trunk.nodes, trunk.nodes + displacement)]
     figures: dict[str, Figure | None] = {}
     for name, view in zip(("first", "second"), views, strict=True):
-        figures[name] = skins.plain_picture(poses, view)[0]
+        figures[name] = _seen_from(view, poses, "shirt")
         figures[f"{name}_moved"] = skins.values_picture(poses[1], moved, view, "displacement [mm]")
     figures |= {"sections": change_sections(poses, bones), "convergence": convergence_plot(result.summary)}
     agreed = None
@@ -170,7 +177,7 @@ def write_comparison(results: Sequence[Result], out: str | Path | None = None, *
     out = results[0].folder.resolve().parent if out is None else Path(out)
     folder, poses = _prepare(out, PLANS_PICTURES), dressed(plan_poses(results))
     with rc_context(RC):
-        figures, trunk = _backs(poses, bare=bare)
+        figures, trunk, _ = _backs(poses, bare=bare)
         plans, table = [result.plan for result in results], plans_table(poses)
         fused = [(), *(() if plan is None else fused_levels(plan) for plan in plans)]
         figures |= {
@@ -217,10 +224,10 @@ def _backs(
     likely: Sequence[TrunkState] = (),
     *,
     bare: bool = False,
-) -> tuple[dict[str, Figure | None], Turning]:
-    """The pictures of the back, and the trunk to turn: its states with the triangles of the first, and a likely
-    better and a likely worse one."""
-    every, first = dressed([*poses, *likely]), poses[0].skin
+) -> tuple[dict[str, Figure | None], Turning, skins.Looks]:
+    """The pictures of the back, the trunk to turn: its states with the triangles of the first, and a likely better
+    and a likely worse one; and the reliefs of all from behind."""
+    every, first = [*poses, *likely], poses[0].skin
     seen, reliefs = skins.looks(every, pixel=skins.FINE)
     painted = [painted_difference(back, seen) for back in reliefs]
     states = []
@@ -248,7 +255,7 @@ def _backs(
         "hump": humps(range(own)),
         "likely": humps([own, 1, own + 1]) if likely else None,
     }
-    return figures, trunk
+    return figures, trunk, (seen, reliefs)
 
 
 def _drawn(figures: Mapping[str, Figure | None], folder: Path) -> dict[str, bytes]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.section import sections, trunk_loop
-from warp_trunk.geometry.surface import Surface, neighbour_means
+from warp_trunk.geometry.surface import Surface, area_vectors, bends, neighbour_means, shared_edges
 from warp_trunk.spine.spine import Spine, asis_axis, spine_of
 
 COLOURS = {"shorts": (92, 107, 122), "shirt": (158, 181, 199)}
@@ -51,11 +51,13 @@ def soft(before: Surface) -> np.ndarray:
     A scan ends in planes through neck, arms and thighs; their rims are the only sharp convex edges of a skin.
     """
     from scipy.spatial import KDTree
-    from trimesh import Trimesh
 
-    mesh = Trimesh(before.vertices, before.faces, process=False)
-    sharp = mesh.face_adjacency_angles > np.radians(_SHARP)
-    rim = np.unique(mesh.face_adjacency_edges[sharp & mesh.face_adjacency_convex])
+    edges, pairs = shared_edges(before.faces)
+    sharp = np.flatnonzero(bends(before, pairs) > _SHARP)
+    first, second = np.moveaxis(before.vertices[before.faces[pairs[sharp]]].mean(axis=2), 1, 0)
+    normal = area_vectors(before.vertices, before.faces)[pairs[sharp, 0]]
+    convex = np.einsum("ij,ij->i", normal, second - first) < 0.0
+    rim = np.unique(edges[sharp[convex]])
     if not len(rim):
         return np.zeros(len(before.vertices))
     distance = KDTree(before.vertices[rim]).query(before.vertices)[0]

@@ -1,5 +1,7 @@
 """A trunk as a relief: its depth and its slope, seen from one side."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -71,6 +73,12 @@ class Relief:
     def values(self, of_vertices: np.ndarray) -> np.ndarray:
         """The visible values of the vertices of the skin, a number for each, shape (rows, columns); else NaN."""
         return np.einsum("ijk,ijk->ij", self.weights, of_vertices[self.corners])
+
+    def uppermost(self, rows: int) -> Relief:
+        """Its first rows of pixels."""
+        images = (self.depth, self.normal, self.corners, self.weights, self.cloth)
+        depth, normal, corners, weights, cloth = (image[:rows] for image in images)
+        return Relief(depth, normal, self.spine, corners, weights, cloth)
 
 
 def in_pelvis(points: np.ndarray, landmarks: Landmarks) -> np.ndarray:
