@@ -13,6 +13,7 @@ import itertools
 import os
 import re
 import textwrap
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Any
 
@@ -57,7 +58,8 @@ def filled(page: str) -> str:
 
 
 def _named_fields(line: re.Match[str]) -> str:
-    return fields_of(getattr(importlib.import_module(line["module"]), line["record"]))
+    module = importlib.import_module(line["module"])
+    return fields_of(getattr(module, line["record"]), getattr(module, "REFERENCES", {}))
 
 
 def commands_page() -> str:
@@ -117,8 +119,9 @@ def _signature(name: str, function: Any) -> str:
     return f"```python\n{name}{bare}\n```"
 
 
-def fields_of(record: type) -> str:
-    """A table of the fields of a dataclass: name, the docstring below it, and type; empty for another class."""
+def fields_of(record: type, origins: Mapping[str, str] | None = None) -> str:
+    """A table of the fields of a dataclass: name, the docstring below it, and type, or with `origins` the default
+    and where it comes from, by the beginning of the name; empty for another class."""
     nodes = ast.parse(textwrap.dedent(inspect.getsource(record))).body[0]
     assert isinstance(nodes, ast.ClassDef)
     rows = []
@@ -128,12 +131,16 @@ def fields_of(record: type) -> str:
             and isinstance(text, ast.Expr)
             and isinstance(text.value, ast.Constant)
         ):
-            kind = re.sub(r"Annotated\[(.*?), [^],]*\([^)]*\)\]", r"\1", ast.unparse(field.annotation)).replace(
-                "|", "or"
-            )
-            meaning = " ".join(str(text.value.value).split()).replace("|", "\\|")
-            rows.append(f"| `{ast.unparse(field.target)}` | {meaning} | {kind} |")
-    return "\n".join(["| entry | meaning | type |", "|---|---|---|", *rows]) if rows else ""
+            name, kind = ast.unparse(field.target), ast.unparse(field.annotation)
+            cells = [f"`{name}`", " ".join(str(text.value.value).split()).replace("|", "\\|")]
+            if origins:
+                origin = next((words for begin, words in origins.items() if name.startswith(begin)), "")
+                cells += [f"{getattr(record, name):g}", origin]
+            else:
+                cells.append(re.sub(r"Annotated\[(.*?), [^],]*\([^)]*\)\]", r"\1", kind).replace("|", "or"))
+            rows.append(f"| {' | '.join(cells)} |")
+    heads = ("entry", "meaning", "default", "origin") if origins else ("entry", "meaning", "type")
+    return "\n".join([f"| {' | '.join(heads)} |", "|---" * len(heads) + "|", *rows]) if rows else ""
 
 
 def _markdown(source: Any) -> str:

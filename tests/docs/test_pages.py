@@ -118,12 +118,3 @@ def test_values_of_the_example_of_a_case_are_the_defaults() -> None:
         ("uncertainty", Uncertainty()),
     ):
         assert {key: getattr(record, key) for key in tables[name]} == tables[name]
-
-
-def test_uncertainties_of_the_page_are_those_of_the_program() -> None:
-    table = rows("how_sure.md")
-    for name in (field.name for field in fields(Uncertainty)):
-        first, defaults = table[name][:2]
-        position = re.findall(r"`(\w+)`", first).index(name)
-        value = re.findall(r"[\d.]+", defaults)[position]
-        assert float(value) == getattr(Uncertainty(), name)

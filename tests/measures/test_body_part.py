@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from support.asserting import not_none
 from support.meshes import block
 from support.synthetic import box
 from warp_trunk.geometry.surface import Surface
@@ -27,10 +28,14 @@ def sheet(degrees: float) -> Surface:
 
 @pytest.mark.parametrize("degrees", [-8.0, 0.0, 15.0])
 def test_indices_are_those_of_the_distances(degrees: float) -> None:
-    indices = chest_indices(sheet(degrees), BONES)
-    assert indices["Haller index"] == pytest.approx(240.0 / 90.0)  # ribs apart, sternum to vertebra
-    assert indices["Correction index [%]"] == pytest.approx(25.0)  # 120 mm to the cartilages
-    assert indices["External sternal angle [°]"] == pytest.approx(degrees, abs=1e-9)
+    indices = not_none(chest_indices(sheet(degrees), BONES))
+    assert indices.haller == pytest.approx(240.0 / 90.0)  # ribs apart, sternum to vertebra
+    assert indices.correction_percent == pytest.approx(25.0)  # 120 mm to the cartilages
+    assert indices.sternal_angle_deg == pytest.approx(degrees, abs=1e-9)
+
+
+def test_a_chest_without_a_sternum_has_no_indices() -> None:
+    assert chest_indices(sheet(0.0), {name: bone for name, bone in BONES.items() if name != "sternum"}) is None
 
 
 FACE = {

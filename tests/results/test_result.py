@@ -27,10 +27,12 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.result_files import picture_source
 from warp_trunk.io.surface_files import write_surface
 from warp_trunk.measures import measure
+from warp_trunk.measures.body_part import ChestIndices
 from warp_trunk.measures.quantities import Measured
 from warp_trunk.meshing import predicted_skin
 from warp_trunk.results import RunAccount, read_result, read_summary, result_of
 from warp_trunk.results.result import LEAST_SPACE, prepare_folder
+from warp_trunk.results.summary import write_summary
 from warp_trunk.results.summary_text import markdown, plain
 
 WHOLE = {
@@ -269,6 +271,18 @@ def test_points_that_are_followed_have_their_way_and_share(simulated, tmp_path):
         f"tip (skin) moves by {way:.1f} mm, {tip.ratio:.2f} of the way of bone",
         f"bone ({bone.on}) moves by {bone.distance:.1f} mm",
     ]
+
+
+def test_indices_of_the_chest_are_read_again_and_shown_before_and_as_predicted(simulated, tmp_path):
+    was = ChestIndices(haller=4.0, correction_percent=30.0, sternal_angle_deg=-8.0)
+    will = ChestIndices(haller=2.5, correction_percent=10.0, sternal_angle_deg=5.0)
+    result = result_of(*simulated, run=RunAccount(seconds={"total": 1.0})).save(tmp_path)
+    write_summary(tmp_path / "summary.json", replace(result.summary, chest=(was, will)))
+    assert {
+        "Haller index: 4.0 before, 2.5 predicted",
+        "Correction index [%]: 30.0 before, 10.0 predicted",
+        "External sternal angle [°]: -8.0 before, 5.0 predicted",
+    } <= set(plain(read_result(tmp_path)).splitlines())
 
 
 def test_bands_are_the_predicted_numbers_with_intervals_and_the_status_is_one(simulated):

@@ -209,27 +209,40 @@ def is_of_chest(bone: str) -> bool:
     return bone == "sternum" or region(bone) == "T" or bone.startswith(_WALL)
 
 
-def chest_indices(skin: Surface, bones: Mapping[str, Surface]) -> dict[str, float]:
-    """The indices of a chest at the height where the lower half of the sternum is nearest to the spine.
+@dataclass(frozen=True, kw_only=True)
+class ChestIndices:
+    """The indices of a chest at the height where the lower half of the sternum is nearest to the spine."""
 
-    - Haller index: the largest inner width of the chest over the smallest distance between sternum and vertebra
-      (Haller, Kramer and Lietman, J. Pediatr. Surg. 22, 1987, 904-906).
-    - Correction index: 100 (b - a) / b with that smallest distance a and the largest distance b from the front of
-      the vertebra to the inside of the front wall (St. Peter et al., J. Pediatr. Surg. 46, 2011, 2270-2273).
-    - External sternal angle: the inclination to the vertical of the skin over the midline of the sternum, by a
-      straight line fitted to it; positive where its lower end lies further forward.
+    haller: float
+    """Haller index: the largest inner width of the chest over the smallest distance between sternum and vertebra
+    (Haller, Kramer and Lietman, J. Pediatr. Surg. 22, 1987, 904-906)."""
+    correction_percent: float
+    """Correction index: 100 (b - a) / b with that smallest distance a and the largest distance b from the front of
+    the vertebra to the inside of the front wall (St. Peter et al., J. Pediatr. Surg. 46, 2011, 2270-2273)."""
+    sternal_angle_deg: float
+    """External sternal angle: the inclination to the vertical of the skin over the midline of the sternum, by a
+    straight line fitted to it [degrees]; positive where its lower end lies further forward."""
+
+
+CHEST_LABELS = {
+    "haller": "Haller index",
+    "correction_percent": "Correction index [%]",
+    "sternal_angle_deg": "External sternal angle [°]",
+}
+"""The indices as pages name them."""
+
+
+def chest_indices(skin: Surface, bones: Mapping[str, Surface]) -> ChestIndices | None:
+    """The indices of a chest; None without a sternum, both sides of ribs and a vertebra at that height.
 
     Args:
         skin: the skin in LPS [mm].
         bones: bones by name, in the same state.
-
-    Returns:
-        The indices by name and unit; none without a sternum, both sides of ribs and a vertebra at that height.
     """
     thoracic = [bones[name].vertices for name in bones if region(name) == "T"]
     wall = [bones[name].vertices for name in bones if name.startswith(_WALL)]
     if "sternum" not in bones or not thoracic or not wall:
-        return {}
+        return None
     sternum, spine, ribs = bones["sternum"].vertices, np.vstack(thoracic), np.vstack(wall)
     middle = float(np.median(sternum[:, 0]))
     body = spine[np.abs(spine[:, 0] - middle) < _MIDLINE]
@@ -241,7 +254,7 @@ def chest_indices(skin: Surface, bones: Mapping[str, Surface]) -> dict[str, floa
         if len(front) and len(back):
             depths[height] = float(front.min() - back.max()), float(front.min())
     if not depths:
-        return {}
+        return None
     height = min(depths, key=lambda at: depths[at][0])
     nearest, vertebra = depths[height]
     around = _slab(np.vstack([ribs, sternum]), height, _SLAB)
@@ -256,13 +269,13 @@ def chest_indices(skin: Surface, bones: Mapping[str, Surface]) -> dict[str, floa
     line = skin.vertices[np.abs(skin.vertices[:, 0] - middle) < _MIDLINE]
     line = line[(line[:, 1] < vertebra) & (line[:, 2] > low) & (line[:, 2] < high)]
     if not widths or not inner or len(line) < 3:
-        return {}
+        return None
     furthest = max(vertebra - min(inner), nearest)
-    return {
-        "Haller index": max(widths) / nearest,
-        "Correction index [%]": 100.0 * (furthest - nearest) / furthest,
-        "External sternal angle [°]": math.degrees(math.atan(float(np.polyfit(line[:, 2], line[:, 1], 1)[0]))),
-    }
+    return ChestIndices(
+        haller=max(widths) / nearest,
+        correction_percent=100.0 * (furthest - nearest) / furthest,
+        sternal_angle_deg=math.degrees(math.atan(float(np.polyfit(line[:, 2], line[:, 1], 1)[0]))),
+    )
 
 
 def _slab(points: np.ndarray, height: float, half: float) -> np.ndarray:

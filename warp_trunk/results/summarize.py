@@ -17,7 +17,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures, measure
-from warp_trunk.measures.body_part import chest_indices, follow_points, is_of_chest
+from warp_trunk.measures.body_part import ChestIndices, chest_indices, follow_points, is_of_chest
 from warp_trunk.measures.quantities import ACTUAL, BEFORE, PREDICTED, MeasureTable, measured
 from warp_trunk.measures.skin_quality import SkinQuality, skin_quality
 from warp_trunk.meshing import predicted_skin
@@ -130,7 +130,7 @@ def result_of(
         synthetic=case.study.synthetic,
         points=follow_points(case, skin.vertices, motion_of),
         invented=case.invented,
-        chest={} if case.invented else _chest(case, trunk, skin, motion_of),
+        chest=None if case.invented else _chest(case, trunk, skin, motion_of),
     )
     return Result(
         skin_before=case.skin,
@@ -181,18 +181,15 @@ def _springs(model: Model, energy: Energy) -> SpringSummary | None:
 
 def _chest(
     case: Case, trunk: TrunkMesh, skin: Surface, motion_of: Callable[[str], RigidMotion]
-) -> dict[str, tuple[float, float]]:
+) -> tuple[ChestIndices, ChestIndices] | None:
     """The indices of the chest before and as predicted, where a case has no spine or moves its sternum."""
     if case.has_spine and "sternum" not in case.motions:
-        return {}
+        return None
     held = {trunk.bone_names[number] for number in np.unique(trunk.bone[trunk.bone >= 0])}
     bones = {name: bone for name, bone in case.bones.items() if name in held and is_of_chest(name)}
-    before = chest_indices(case.skin, bones)
-    if not before:
-        return {}
     moved = {name: Surface(motion_of(name).apply(bone.vertices), bone.faces) for name, bone in bones.items()}
-    after = chest_indices(skin, moved)
-    return {name: (before[name], after[name]) for name in before if name in after}
+    before, after = chest_indices(case.skin, bones), chest_indices(skin, moved)
+    return None if before is None or after is None else (before, after)
 
 
 def _increment(increment: Increment) -> IncrementSummary:

@@ -7,7 +7,7 @@ read. A field that older results lack has a default.
 from __future__ import annotations
 
 import platform
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from typing import Annotated, Any
@@ -22,7 +22,7 @@ from warp_trunk.engine.tissue import Tissue
 from warp_trunk.io.atomic_write import json_text
 from warp_trunk.io.records import read_json
 from warp_trunk.io.result_files import SUMMARY
-from warp_trunk.measures.body_part import FollowedPoint
+from warp_trunk.measures.body_part import CHEST_LABELS, ChestIndices, FollowedPoint
 from warp_trunk.measures.quantities import ACTUAL, Measured
 from warp_trunk.measures.skin_quality import SkinQuality
 from warp_trunk.spine import CobbAngle
@@ -160,8 +160,8 @@ class Summary:
     """How far the points of the case move."""
     invented: Invented | None = None
     """The parts of the case that were not measured."""
-    chest: dict[str, tuple[float, float]] = field(default_factory=dict)
-    """Indices of the chest before and as predicted (`measures.part`), where they are measured."""
+    chest: tuple[ChestIndices, ChestIndices] | None = None
+    """Indices of the chest before and as predicted, where they are measured."""
 
     def __repr__(self) -> str:
         return f"Summary({self.case!r}, {self.status}, {self.tets} tetrahedra, {len(self.measures)} numbers)"
@@ -170,6 +170,14 @@ class Summary:
     def has_spine(self) -> bool:
         """Whether the back was measured at vertebrae."""
         return any(row.quantity == "bsr_deg" for row in self.measures)
+
+    @property
+    def chest_rows(self) -> list[tuple[str, float, float]]:
+        """Label, value before and as predicted of each index of the chest."""
+        if self.chest is None:
+            return []
+        was, will = map(vars, self.chest)
+        return [(label, was[name], will[name]) for name, label in CHEST_LABELS.items()]
 
     @property
     def has_actual(self) -> bool:

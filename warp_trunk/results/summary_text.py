@@ -39,7 +39,7 @@ def plain(result: Result, name: str = "") -> str:
         + ("" if point.ratio is None else f", {point.ratio:.2f} of the way of {point.bone_point}")
         for point in summary.points
     ]
-    lines += [f"{name}: {was:.1f} before, {will:.1f} predicted" for name, (was, will) in summary.chest.items()]
+    lines += [f"{name}: {was:.1f} before, {will:.1f} predicted" for name, was, will in summary.chest_rows]
     rows = under_headings(measure_rows(result.table, result.measures_before))
     lines += ["", as_text([f"{of}measure", "before", "predicted"], rows)]
     if summary.has_spine:
