@@ -1,7 +1,8 @@
 """Reference pages made from the program when the site is built; `site_pages.py` gives them to MkDocs.
 
 The pages of commands and of Python are made as a whole. On other pages a line
-`<!-- fields of warp_trunk.module.Record -->` becomes the table of the fields of a record.
+`<!-- fields of warp_trunk.module.Record -->` becomes the table of the fields of a record, and
+`<!-- quantities -->` that of all measured quantities.
 """
 
 import ast
@@ -13,7 +14,7 @@ import itertools
 import os
 import re
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Any
 
@@ -21,12 +22,16 @@ import warp_trunk
 from warp_trunk.cli import main
 from warp_trunk.cli.commands import COMMANDS
 from warp_trunk.cli.output import EXIT_STATUSES
+from warp_trunk.measures.quantities import QUANTITIES
+from warp_trunk.measures.rows import as_markdown
 
 FIELDS = re.compile(r"^<!-- fields of (?P<module>[\w.]+)\.(?P<record>\w+) -->$", re.MULTILINE)
 SECTION = re.compile(r"^(Args|Returns|Yields|Raises):\n((?:    .*\n?|\n)+)", re.MULTILINE)
 """A section of a docstring in Google style."""
 EXAMPLE = re.compile(r"^>>>.*?(?=\n\n|\Z)", re.DOTALL | re.MULTILINE)
 """An example of a docstring, up to the next empty line."""
+PLACES = {"level": "each vertebra", "back": "the back", "curve": "each curve", "spine": "the spine"}
+"""What a quantity of each group is measured of."""
 PYTHON = """# Python
 
 The public names are imported from `warp_trunk`:
@@ -53,13 +58,28 @@ HEADINGS = {
 
 
 def filled(page: str) -> str:
-    """The page with the tables of the records that it names."""
-    return FIELDS.sub(_named_fields, page)
+    """The page with the tables of the records that it names, and of the quantities."""
+    return FIELDS.sub(_named_fields, page).replace("<!-- quantities -->", quantities_table())
 
 
 def _named_fields(line: re.Match[str]) -> str:
+    """The fields of a record; of constants with their range, and with their origin by the beginning of a name."""
     module = importlib.import_module(line["module"])
-    return fields_of(getattr(module, line["record"]), getattr(module, "REFERENCES", {}))
+    ranges, origins = getattr(module, "RANGES", {}), getattr(module, "REFERENCES", {})
+    more: dict[str, Callable[[str], str]] = {}
+    if ranges:
+        more["range"] = lambda name: "{:g} to {:g}".format(*ranges[name])
+    if origins:
+        more["origin"] = lambda name: next((words for key, words in origins.items() if name.startswith(key)), "")
+    return fields_of(getattr(module, line["record"]), more)
+
+
+def quantities_table() -> str:
+    """Every measured quantity: its key, label and unit, and where it is measured."""
+    rows = [
+        (f"`{key}`", quantity.label, quantity.unit, PLACES[quantity.group]) for key, quantity in QUANTITIES.items()
+    ]
+    return as_markdown(["quantity", "label", "unit", "of"], rows)
 
 
 def commands_page() -> str:
@@ -119,9 +139,9 @@ def _signature(name: str, function: Any) -> str:
     return f"```python\n{name}{bare}\n```"
 
 
-def fields_of(record: type, origins: Mapping[str, str] | None = None) -> str:
-    """A table of the fields of a dataclass: name, the docstring below it, and type, or with `origins` the default
-    and where it comes from, by the beginning of the name; empty for another class."""
+def fields_of(record: type, more: Mapping[str, Callable[[str], str]] | None = None) -> str:
+    """A table of the fields of a dataclass: name, the docstring below it, and type; or the default and the columns
+    `more` by their heads, from the name. Empty for another class."""
     nodes = ast.parse(textwrap.dedent(inspect.getsource(record))).body[0]
     assert isinstance(nodes, ast.ClassDef)
     rows = []
@@ -133,13 +153,12 @@ def fields_of(record: type, origins: Mapping[str, str] | None = None) -> str:
         ):
             name, kind = ast.unparse(field.target), ast.unparse(field.annotation)
             cells = [f"`{name}`", " ".join(str(text.value.value).split()).replace("|", "\\|")]
-            if origins:
-                origin = next((words for begin, words in origins.items() if name.startswith(begin)), "")
-                cells += [f"{getattr(record, name):g}", origin]
+            if more:
+                cells += [f"{getattr(record, name):g}", *(cell(name) for cell in more.values())]
             else:
                 cells.append(re.sub(r"Annotated\[(.*?), [^],]*\([^)]*\)\]", r"\1", kind).replace("|", "or"))
             rows.append(f"| {' | '.join(cells)} |")
-    heads = ("entry", "meaning", "default", "origin") if origins else ("entry", "meaning", "type")
+    heads = ("entry", "meaning", *(("default", *more) if more else ("type",)))
     return "\n".join([f"| {' | '.join(heads)} |", "|---" * len(heads) + "|", *rows]) if rows else ""
 
 

@@ -2,20 +2,18 @@
 
 import re
 import tomllib
-from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
 from warp_trunk.case import landmarks
 from warp_trunk.case.layers import CONSTANTS, Layers
-from warp_trunk.case.rib_coupling import RANGES, RibCoupling
+from warp_trunk.case.rib_coupling import RibCoupling
 from warp_trunk.case.uncertainty import Uncertainty
 from warp_trunk.cli.commands import COMMANDS
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.io import surface_files, volume_files, volume_writer
-from warp_trunk.measures.quantities import QUANTITIES
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted((ROOT / "docs").glob("*.md"))
@@ -73,17 +71,6 @@ def test_every_status_has_advice() -> None:
         for line in (ROOT / "docs/troubleshooting.md").read_text(encoding="utf-8").splitlines()
         if "|" in line
     }
-
-
-def test_every_quantity_is_on_the_page_of_results() -> None:
-    assert QUANTITIES.keys() <= rows("result.md").keys()
-
-
-def test_shares_of_the_page_are_those_of_the_program() -> None:
-    table = rows("ribs.md")
-    for field in fields(RibCoupling):
-        least, most = RANGES[field.name]
-        assert table[field.name][1:3] == [f"{field.default:g}", f"{least:g} to {most:g}"]
 
 
 def test_formats_of_the_page_are_those_that_are_read_and_written() -> None:
