@@ -31,7 +31,7 @@ SECTION = re.compile(r"^(Args|Returns|Yields|Raises):\n((?:    .*\n?|\n)+)", re.
 EXAMPLE = re.compile(r"^>>>.*?(?=\n\n|\Z)", re.DOTALL | re.MULTILINE)
 """An example of a docstring, up to the next empty line."""
 PLACES = {"level": "each vertebra", "back": "the back", "curve": "each curve", "spine": "the spine"}
-"""What a quantity of each group is measured of."""
+"""The part of the body of which a quantity of each group is measured."""
 PYTHON = """# Python
 
 The public names are imported from `warp_trunk`:
