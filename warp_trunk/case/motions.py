@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -143,17 +143,15 @@ def motions_text(motions: Mapping[str, Motion]) -> str:
     return toml_text({bone: msgspec.to_builtins(motion) for bone, motion in motions.items()})
 
 
-def rigid_motions(motions: Mapping[str, Motion], still: Iterable[str] = ()) -> dict[str, RigidMotion]:
-    """The rigid motion of each named bone, and the identity for those that stay in place.
+def rigid_motions(motions: Mapping[str, Motion]) -> dict[str, RigidMotion]:
+    """The rigid motion of each named bone.
 
     The motion of a bone that follows others is the sum of their exponential coordinates, weighted by its
     fractions.
 
     Args:
         motions: those that `check_motions` accepts.
-        still: bones that stay in place.
     """
-    rigid: dict[str, RigidMotion] = dict.fromkeys(still, RigidMotion.identity())
 
     def motion_of(bone: str) -> RigidMotion:
         if bone not in motions:
@@ -171,4 +169,4 @@ def rigid_motions(motions: Mapping[str, Motion], still: Iterable[str] = ()) -> d
         about = np.append(np.radians(turn.degrees) * axis / np.linalg.norm(axis), np.zeros(3))
         return RigidMotion.about(RigidMotion.exp(about).rotation, point, point + shift)
 
-    return rigid | {bone: motion_of(bone) for bone in motions}
+    return {bone: motion_of(bone) for bone in motions}

@@ -10,17 +10,16 @@ import numpy as np
 from .surface import Surface
 
 
-def as_colours(values: np.ndarray, vertices: np.ndarray, *, most: float | None = None) -> np.ndarray | None:
+def as_colours(values: np.ndarray, vertices: np.ndarray) -> np.ndarray | None:
     """Red, green and blue as uint8, shape (vertices, 3); None where they say nothing.
 
     Where a number is missing (NaN, as scanners write outside their photographs), the colour is that of the nearest
     vertex that has one. Colours that are all the same, which programs write for a surface without a photograph,
-    say nothing.
+    say nothing. Full colour is 1 where no value is larger, else 255, else 65535.
 
     Args:
         values: red, green and blue of each vertex, and whatever follows, shape (vertices, 3 or more).
         vertices: places [mm], shape (vertices, 3).
-        most: the value of full colour; when left out 1 where no value is larger, else 255, else 65535.
     """
     from scipy.spatial import KDTree  # heavy
 
@@ -32,11 +31,10 @@ def as_colours(values: np.ndarray, vertices: np.ndarray, *, most: float | None =
         nearest = np.asarray(KDTree(vertices[coloured]).query(vertices[~coloured])[1])
         values = values.copy()
         values[~coloured] = values[coloured][nearest]
-    if most is None:
-        most = next((end for end in (1.0, 255.0) if values.max() <= end), 65535.0)
+    full = next((end for end in (1.0, 255.0) if values.max() <= end), 65535.0)
     if not np.ptp(values, axis=0).any():
         return None
-    return np.rint(255.0 * np.clip(values / most, 0.0, 1.0)).astype(np.uint8)
+    return np.rint(255.0 * np.clip(values / full, 0.0, 1.0)).astype(np.uint8)
 
 
 def from_linear(values: np.ndarray) -> np.ndarray:

@@ -196,9 +196,13 @@ def check_landmarks(
         raise InputError(f"spline: landmarks may not all lie in one plane, but {problem}")
 
 
-def _list(names: list[str], most: int = 6) -> str:
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+def _list(names: list[str]) -> str:
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more
+
+
+_NAMED = 6
+"""So many landmarks are named in an error."""
 
 
 class SplineSums:

@@ -143,24 +143,24 @@ _ABOVE, _BELOW = 15.0, 30.0
 """The scan reaches this far above C7 and below the iliac spines [mm]."""
 _BESIDE = 170.0
 """And this far to either side of the middle [mm]; what is beyond are arms."""
+_NOISE = 0.3
+"""Standard deviation of a point along the normal [mm]."""
 _POINT_AREA = 9.0
 """Area of skin for each point [mm^2]."""
 
 
-def cut_back(case: Case, noise: float = 0.3, seed: int = 0) -> tuple[np.ndarray, PatientSpine, Landmarks]:
+def cut_back(case: Case) -> tuple[np.ndarray, PatientSpine, Landmarks]:
     """Points of the back of a whole body with a scanner's noise, the line of its spine, and its markers.
 
     Args:
         case: a trunk with a spine and hip bones.
-        noise: standard deviation of a point along the normal [mm].
-        seed: of points and noise.
 
     Returns:
         Points (n, 3) [mm], the line through the bodies from C7 down, and C7, PSIS_left and PSIS_right.
     """
     skin, landmarks = case.skin, case.landmarks_before
     psis = posterior_spines(skin, case.bones, asis_axis(landmarks))
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     ends = endplates_of(landmarks)
     vectors = area_vectors(skin.vertices, skin.faces)
     area, normal = np.linalg.norm(vectors, axis=1), unit(vectors)
@@ -175,5 +175,5 @@ def cut_back(case: Case, noise: float = 0.3, seed: int = 0) -> tuple[np.ndarray,
     behind = points[seen & (np.abs(points[:, 2] - top[2]) < 6.0) & (np.abs(points[:, 0] - top[0]) < 6.0)]
     markers = Landmarks(("C7", "PSIS_left", "PSIS_right"), np.vstack([behind.mean(axis=0), psis]))
     line = np.vstack([2.0 * ends[0, 0] - ends[0, 1], ends.mean(axis=1), ends[-1, 1]])
-    noisy = points[seen] + rng.normal(0.0, noise, int(seen.sum()))[:, None] * normal[face[seen]]
+    noisy = points[seen] + rng.normal(0.0, _NOISE, int(seen.sum()))[:, None] * normal[face[seen]]
     return noisy, spine_line(line), markers

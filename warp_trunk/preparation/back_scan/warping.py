@@ -61,18 +61,15 @@ class ScanField:
         return OnScan(seen, distance, points + distance[:, None] * facing)
 
 
-def warp_onto(
-    skin: Surface, field: ScanField, held: np.ndarray, chosen: np.ndarray | None = None
-) -> Callable[[np.ndarray], np.ndarray]:
+def warp_onto(skin: Surface, field: ScanField, held: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
     """The map of some smooth warps, each towards the nearest points of the scan with a like normal.
 
     Args:
         skin: closed, near the scan.
         field: the scan.
         held: points that stay, shape (n, 3) [mm].
-        chosen: vertices of the skin that may be drawn; spread over all of it when left out.
     """
-    rows = spread_centres(skin.vertices, _APART) if chosen is None else chosen
+    rows = spread_centres(skin.vertices, _APART)
     splines = []
 
     def carry(points: np.ndarray) -> np.ndarray:
