@@ -9,7 +9,7 @@ import pytest
 from support.asserting import not_none
 from support.small_case import mapped, small_case
 from warp_trunk.case import Axes, Case, read_case, write_case
-from warp_trunk.case.anatomy import check_file_names
+from warp_trunk.case.anatomy import check_bone_names
 from warp_trunk.case.case import Study
 from warp_trunk.case.fingerprint import difference, fingerprint_of
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
@@ -116,12 +116,12 @@ def test_a_case_without_a_plan_has_no_landmarks_of_an_earlier_one(tmp_path: Path
 )  # fmt: skip
 def test_a_file_called_nearly_as_a_bone_is_named(name, bone):
     with pytest.raises(InputError, match=rf"a case calls this bone {bone}; rename the file to {bone}\.stl"):
-        check_file_names({name: Path(f"bones/{name}.stl")})
+        check_bone_names({name: Path(f"bones/{name}.stl")})
 
 
 def test_other_names_stay():
     names = ("T8", "rib_left_01", "mandible", "sternum_upper", "hip_left_lower", "T7x", "S1", "bone 12", "")
-    check_file_names({name: Path(name) for name in names})
+    check_bone_names({name: Path(name) for name in names})
 
 
 def test_every_field_of_a_case_comes_back_from_its_folder(tmp_path: Path) -> None:

@@ -277,7 +277,7 @@ def asked(
     for module in (simulate_command, plan_command, cohort_command):
         monkeypatch.setattr(module, "read_checked_case", read_once)
     monkeypatch.setattr(plan_command, "write_planned_case", lambda _, case, surgery: surgery.planned_case(case))
-    monkeypatch.setattr(cohort_command, "connected", connected)
+    monkeypatch.setattr(cohort_command, "dask_client", connected)
 
     def run(words: str) -> list[str]:
         if words in kept_answers:

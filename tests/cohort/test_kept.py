@@ -22,7 +22,7 @@ from support.changed_cases import (
 from support.cohort_cases import turned_case
 from warp_trunk.case import Case, write_case
 from warp_trunk.case.fingerprint import difference
-from warp_trunk.cli.arguments import parse
+from warp_trunk.cli.arguments import parse_command
 from warp_trunk.cli.cohort import Cohort
 from warp_trunk.cohort import one_case
 from warp_trunk.cohort.one_case import CohortOptions
@@ -87,7 +87,7 @@ def test_the_case_of_a_cohort_is_aligned_where_that_is_asked_for(
     write_case(tmp_path / "case", replace(CASE, landmarks_after=replace(CASE.planned_landmarks, points=away)))
     monkeypatch.setattr(one_case, "simulate", stopped)
     for flags in ([], ["--align-pelvis"]):
-        command = parse(Cohort, ["cohort", str(tmp_path), "--out", str(tmp_path / "out"), *flags])
+        command = parse_command(Cohort, ["cohort", str(tmp_path), "--out", str(tmp_path / "out"), *flags])
         outcome = one_case.do_case(tmp_path / "case", tmp_path / "out", command.of_each)
         assert outcome.row.reason == "seen"
     away_from_pelvis = [

@@ -19,7 +19,7 @@ from support.cohort_cases import cohort_options, contents, turned_case, write_co
 from warp_trunk.case import write_case
 from warp_trunk.cli import main
 from warp_trunk.cohort.one_case import JUDGED, LOG, do_case
-from warp_trunk.cohort.working import connected, work
+from warp_trunk.cohort.working import dask_client, work
 from warp_trunk.errors import InputError
 from warp_trunk.io.folders import LOCK
 from warp_trunk.run.progress import Progress
@@ -68,7 +68,7 @@ def cases(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def client() -> Iterator[Client]:
     """Two processes of this machine."""
-    with connected(2, None, "cpu") as client:
+    with dask_client(2, None, "cpu") as client:
         yield client
 
 
@@ -171,11 +171,11 @@ def test_a_scheduler_that_is_lost_loses_no_result(cases: Path, alone: Path, tmp_
 )
 def test_refused(arguments: tuple[int, str | None, str], said: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("warp_trunk.cohort.working.PATIENCE", 0.5)
-    with pytest.raises(InputError, match=said), connected(*arguments):
+    with pytest.raises(InputError, match=said), dask_client(*arguments):
         pass
 
 
 def test_without_the_extra_its_name_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InputError, match=r"uv sync --extra cluster"), connected(1, None, "cpu"):
+    with pytest.raises(InputError, match=r"uv sync --extra cluster"), dask_client(1, None, "cpu"):
         pass

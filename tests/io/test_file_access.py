@@ -16,7 +16,7 @@ from support.meshes import rotation
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import atomic_write, named, partial
-from warp_trunk.io.file_access import check_within, is_plain, number, read_bytes, read_text
+from warp_trunk.io.file_access import check_within, is_plain, parsed_number, read_bytes, read_text
 from warp_trunk.io.folders import LOCK, locked, make_writable, removed_if_empty
 from warp_trunk.io.point_files import read_points
 from warp_trunk.io.surface_files import write_surface
@@ -63,12 +63,12 @@ def test_a_library_that_asks_for_too_much_is_stopped_and_the_limit_taken_back():
 
 
 def test_numbers_and_names_are_what_they_look_like():
-    assert number("-1.5e2") == -150.0
+    assert parsed_number("-1.5e2") == -150.0
     for text in ("1_000", "", "0x10", "1,5"):
         with pytest.raises(ValueError, match="a number was expected, not"):
-            number(text)
+            parsed_number(text)
     for text in ("-nan(ind)", "1.#QNAN", "-1.#IND", "nan", "1.#INF"):  # as Windows writes them, too
-        assert np.isnan(number(text))
+        assert np.isnan(parsed_number(text))
     assert is_plain("T7 – μ")
     assert not any(is_plain(name) for name in ("a\nb", "a\x00", "\ud800", "a\u2028b"))
 

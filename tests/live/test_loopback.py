@@ -12,7 +12,7 @@ from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
 from warp_trunk.errors import InputError
-from warp_trunk.live.loopback import LoopbackServer, check_free
+from warp_trunk.live.loopback import LoopbackServer, check_port
 from warp_trunk.recording.viewer import free_port
 
 VERSION = Subprotocol(f"viser-v{viser.__version__}")
@@ -77,4 +77,4 @@ def test_a_taken_port_is_refused_in_one_line(server: LoopbackServer) -> None:
     with pytest.raises(InputError, match=r"--port: \d+ cannot be listened on \(Address already in use\)"):
         LoopbackServer(server.get_port(), "another patient")
     with pytest.raises(InputError, match="cannot be listened on"):
-        check_free(server.get_port())
+        check_port(server.get_port())

@@ -12,7 +12,7 @@ import pytest
 from support import small_trunk
 from support.asserting import refuses
 from warp_trunk.case.rib_coupling import RibCoupling
-from warp_trunk.cli.arguments import parse
+from warp_trunk.cli.arguments import parse_command
 from warp_trunk.cli.simulate import Simulate
 from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.simulation import SimulationOptions
@@ -158,7 +158,7 @@ BESIDE_PAPERS = [
 @pytest.mark.parametrize("option", BESIDE_PAPERS)
 def test_every_option_of_the_papers_page_goes_with_papers(option: str) -> None:
     """Nothing that only --papers set is refused, and no symbol that is reported."""
-    command = parse(Simulate, ["simulate", "patient", "--papers", *option.split()])
+    command = parse_command(Simulate, ["simulate", "patient", "--papers", *option.split()])
     refuse_unread(command.chosen, CASE)
 
 

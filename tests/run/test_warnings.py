@@ -165,14 +165,14 @@ def test_more_than_the_memory_is_refused_before_any_work(monkeypatch, refused, t
         "this machine has 4.5 GB; ask for 4000000, or give --yes",
     )
     assert not (tmp_path / "out").exists()
-    assert "5.5 GB" in (warnings.check_size(5_000_000, go_on=True) or "")
+    assert "5.5 GB" in (warnings.check_memory(5_000_000, go_on=True) or "")
 
 
 def test_the_usual_number_says_nothing(monkeypatch):
-    assert warnings.check_size(225_000) is None
+    assert warnings.check_memory(225_000) is None
     monkeypatch.setattr(warnings, "usable_memory", lambda: 0.7e9)
     with pytest.raises(InputError, match="ask for 200000"):
-        warnings.check_size(225_000)
+        warnings.check_memory(225_000)
 
 
 def test_memory_is_known_here():

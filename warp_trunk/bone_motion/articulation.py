@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.case.anatomy import THORACIC, is_known
+from warp_trunk.case.anatomy import THORACIC, is_bone_name
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.rigid import NamedMotions, RigidMotion, rotated, smallest_turn
 from warp_trunk.spine.cobb import cobb_angles
@@ -218,7 +218,7 @@ _NAMED = 3
 
 def unknown_bones(bones: Iterable[str]) -> list[str]:
     """A sentence where bones have names that are of no bone, so that ribs among them would not follow."""
-    unknown = sorted(name for name in bones if not is_known(name))
+    unknown = sorted(name for name in bones if not is_bone_name(name))
     if not unknown:
         return []
     more = len(unknown) - _NAMED

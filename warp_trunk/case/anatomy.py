@@ -69,7 +69,7 @@ def rank(level: str) -> tuple[int, int]:
     return "CTL".index(level[0]), int(level[1:])
 
 
-def check_file_names(files: Mapping[str, Path]) -> None:
+def check_bone_names(files: Mapping[str, Path]) -> None:
     """InputError for a file that is called nearly as a bone is: t8, Th8, left_hip, rib_l_1, vertebrae_T8."""
     for name, path in files.items():
         words = words_of(name)
@@ -110,7 +110,7 @@ def of_trunk(bone: str, girdle: bool = False) -> bool:
     return bool(_TRUNK.fullmatch(bone) or (girdle and _GIRDLE.fullmatch(bone)))
 
 
-def is_known(bone: str) -> bool:
+def is_bone_name(bone: str) -> bool:
     """Whether a name is one of a bone."""
     return of_trunk(bone, girdle=True) or _OTHER_BONES.fullmatch(bone) is not None
 

@@ -16,7 +16,7 @@ from warp_trunk.io.file_access import check_within, read_text
 from warp_trunk.io.result_files import MOST_PLAN, PLAN
 from warp_trunk.io.surface_files import surface_files
 
-from .anatomy import check_file_names
+from .anatomy import check_bone_names
 from .axes import MILLIMETRES
 from .case import Case
 from .checks import CaseSource, check_case, check_names
@@ -28,7 +28,7 @@ from .layers import read_layers
 from .motions import FILE as MOTIONS
 from .motions import Motion, read_motions
 from .points import FILE as POINTS
-from .points import Points, read_points
+from .points import Points, read_followed_points
 from .uncertainty import read_invented_skin
 
 
@@ -72,7 +72,7 @@ def read_checked_case(
     header = files.header
     moved = files.motions(None if motions is None else Path(motions))
     bones, bones_after = surface_files(files.folder / "bones"), surface_files(files.folder / "bones_after")
-    check_file_names(bones)
+    check_bone_names(bones)
     if not bones:
         place = files.folder / "bones"
         hint = "" if place.exists() else _called_nearly(place)
@@ -213,7 +213,7 @@ class _Files:
         path = self.folder / POINTS
         if not self.is_present("points", path):
             return Points()
-        return read_points(path, self.header.frame, self.header.units)
+        return read_followed_points(path, self.header.frame, self.header.units)
 
     def skin(self) -> Path:
         file = surface_files(self.folder, "skin").get("skin")

@@ -17,7 +17,7 @@ from warp_trunk.checking import Array, check_fields, checked
 from warp_trunk.errors import InputError, closest_name
 from warp_trunk.geometry.surface import FARTHEST
 from warp_trunk.io.atomic_write import csv_text, write_whole
-from warp_trunk.io.file_access import is_plain, number, read_text
+from warp_trunk.io.file_access import is_plain, parsed_number, read_text
 from warp_trunk.io.records import read_json
 
 from .anatomy import rank, region
@@ -229,7 +229,7 @@ def _named(
         points[name] = []
         for axis, coordinate in zip(axes, coordinates, strict=True):
             try:
-                value = number(coordinate) if isinstance(coordinate, str) else coordinate
+                value = parsed_number(coordinate) if isinstance(coordinate, str) else coordinate
             except ValueError:
                 value = np.nan
             if not abs(value) <= FARTHEST:  # nor is NaN

@@ -14,7 +14,7 @@ from warp_trunk.checking import Array, check_fields
 from warp_trunk.engine.tissue import TISSUE_LIMITS, Tissue
 from warp_trunk.errors import InputError, closest_name
 from warp_trunk.io.atomic_write import write_whole
-from warp_trunk.io.file_access import MOST_SURFACE, FormatError, check_file, check_within, number, read_text
+from warp_trunk.io.file_access import MOST_SURFACE, FormatError, check_file, check_within, parsed_number, read_text
 from warp_trunk.io.file_names import path_in
 
 NAMES = ("skin", "fat", "muscle")
@@ -199,7 +199,9 @@ def write_layers(folder: Path, layers: Layers) -> LayerTable:
     for name in THICKNESS:
         table[name] = getattr(layers, name)
         if isinstance(table[name], np.ndarray):
-            write_whole(folder / f"{name}.txt", "".join(f"{number!r}\n" for number in table[name].tolist()))
+            write_whole(
+                folder / f"{name}.txt", "".join(f"{parsed_number!r}\n" for parsed_number in table[name].tolist())
+            )
             table[name] = f"{name}.txt"
     if layers.mesh is not None:
         table["mesh"] = layers.mesh.name
@@ -217,7 +219,7 @@ def read_numbers(path: Path, count: int) -> np.ndarray:
     lines = read_text(path, "case.toml names it as one number a line").split("\n")
     texts = [text for line in lines if (text := line.split("#", 1)[0].strip())]
     try:
-        values = np.array([number(text) for text in texts])
+        values = np.array([parsed_number(text) for text in texts])
     except FormatError as error:
         raise InputError(f"{path}: cannot be read as one number a line ({error}); correct it") from error
     if values.shape != (count,):

@@ -45,7 +45,7 @@ class Points:
         return [(list(surfaces)[row], float(off[row, column])) for column, row in enumerate(nearest)]
 
 
-def read_points(path: Path, axes: Axes, units: Unit) -> Points:
+def read_followed_points(path: Path, axes: Axes, units: Unit) -> Points:
     """Read a table with the columns name, x, y, z and optionally `PAIR`, in the axes and units of a case.
 
     Raises:
@@ -57,7 +57,7 @@ def read_points(path: Path, axes: Axes, units: Unit) -> Points:
 
 
 def points_text(points: Points) -> str:
-    """The text of points.csv, in LPS and mm, which `read_points` reads back; empty for no points."""
+    """The text of points.csv, in LPS and mm, which `read_followed_points` reads back; empty for no points."""
     marks = zip(points.marks.names, points.marks.points.tolist(), strict=True)
     rows = [[name, *point, points.pairs.get(name, "")] for name, point in marks]
     return csv_text([[*COLUMNS, PAIR], *rows] if rows else [])

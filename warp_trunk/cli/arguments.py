@@ -33,7 +33,7 @@ class SomeConstants(dict[str, float]):
     """Constants of `Tissue` that a command gives, by name; its options are made of the fields of `Tissue`."""
 
 
-def parse(command: Any, arguments: Sequence[str]) -> Any:
+def parse_command(command: Any, arguments: Sequence[str]) -> Any:
     """The command of a class that the words after `warp-trunk`, its name first, ask for.
 
     `--help` shows the fields of the class itself and, of the dataclasses within it, those that its attribute

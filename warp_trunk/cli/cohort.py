@@ -12,9 +12,9 @@ from warp_trunk.case.tissue_file import constant_of, with_constants
 from warp_trunk.cohort.calibration.calibrate import calibrate
 from warp_trunk.cohort.calibration.free_constants import FreeConstant, check_free
 from warp_trunk.cohort.calibration.one_fit import FitJob
-from warp_trunk.cohort.calibration.report import calibration_text, check_file, write_calibration
+from warp_trunk.cohort.calibration.report import calibration_text, check_tissue_file, write_calibration
 from warp_trunk.cohort.one_case import CohortOptions
-from warp_trunk.cohort.working import CPU_THREADS, case_folders, check_out, connected, work
+from warp_trunk.cohort.working import CPU_THREADS, case_folders, check_out, dask_client, work
 from warp_trunk.errors import InputError
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.unread_options import refuse_unread
@@ -57,7 +57,7 @@ class Cohort(_Cases):
         with Progress() as progress:
             for name in left_over:
                 progress.message(f"{self.out / name}: is of no case in {self.folder}, and left out")
-            with connected(self.workers, self.scheduler, self.execution.device) as client:
+            with dask_client(self.workers, self.scheduler, self.execution.device) as client:
                 progress.message(f"{len(folders)} cases; Dask's dashboard: {client.dashboard_link}")
                 done = work(client, folders, self.out, options, progress)
             from warp_trunk.cohort.cohort_page import (  # of the extra, as `connected` verified
@@ -91,11 +91,11 @@ class Calibrate(_Cases):
     def run(self) -> int:
         """Finds the constants and writes them."""
         refuse_case(self.out)
-        check_file(self.out)
+        check_tissue_file(self.out)
         options = self.of_each
         with Progress() as progress:
             cases, broken = self._cases(options, progress)
-            with connected(self.workers, self.scheduler, self.execution.device) as client:
+            with dask_client(self.workers, self.scheduler, self.execution.device) as client:
                 progress.message(f"{len(cases)} cases; Dask's dashboard: {client.dashboard_link}")
                 calibration = calibrate(client, cases, cases[0].free, progress, priors=self.priors)
             calibration = replace(calibration, left_out=broken | calibration.left_out)

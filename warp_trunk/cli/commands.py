@@ -149,9 +149,9 @@ def _loaded(arguments: list[str]) -> Any:
     gc.disable()  # what is loaded is no garbage; to look for some again and again takes a sixth of the time
     try:
         kind = load(arguments)
-        from .arguments import parse
+        from .arguments import parse_command
 
-        return parse(kind, arguments)
+        return parse_command(kind, arguments)
     finally:
         gc.freeze()
         gc.enable()

@@ -50,7 +50,7 @@ def read_bones(folder: Path, read: Callable[[Path], Surface] | None = None) -> d
         InputError: no such folder, no surface in it, a name that is nearly one of a bone, or one that cannot be
             read.
     """
-    from warp_trunk.case.anatomy import check_file_names
+    from warp_trunk.case.anatomy import check_bone_names
     from warp_trunk.io.surface_files import read_surface, surface_files
 
     files = surface_files(folder) if folder.is_dir() else {}
@@ -58,7 +58,7 @@ def read_bones(folder: Path, read: Callable[[Path], Surface] | None = None) -> d
         raise MissingFileError(
             f"{folder}: there is no such folder with surfaces; give each bone as <name>.ply in it"
         )
-    check_file_names(files)
+    check_bone_names(files)
     return {name: (read or read_surface)(path) for name, path in files.items()}
 
 

@@ -17,7 +17,7 @@ from warp_trunk.report.page import rendered
 from warp_trunk.report.style import ACTUAL, BEFORE, INK, PREDICTED, RC, file_of, new_figure
 
 from .one_case import FAILED, CaseRow
-from .statistics import Estimate
+from .statistics import PatientMean
 from .summary import AGAINST, WHOLE, CohortSummary, case_errors, errors, summarize_cohort, tidy
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def _left_out(rows: Sequence[CaseRow], summary: CohortSummary) -> list[str]:
     ]
 
 
-def plus_minus(estimate: Estimate) -> str:
+def plus_minus(estimate: PatientMean) -> str:
     """A mean with its standard deviation, if it has one."""
     return f"{estimate.mean:.2f}" + ("" if estimate.sd is None else f" ± {estimate.sd:.2f}")
 
@@ -167,7 +167,7 @@ def worse_parts(summary: CohortSummary) -> list[str]:
     return sentences
 
 
-def _interval_of_loss(gain: Estimate) -> str:
+def _interval_of_loss(gain: PatientMean) -> str:
     """How sure a loss is."""
     if gain.low is None or gain.high is None:
         return "; fewer than three patients do not show whether that holds for others"

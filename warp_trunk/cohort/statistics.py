@@ -16,7 +16,7 @@ SEED = 1
 
 
 @dataclass(frozen=True)
-class Estimate:
+class PatientMean:
     """A mean over patients."""
 
     mean: float
@@ -31,7 +31,7 @@ class Estimate:
     """How many patients."""
 
 
-def over_patients(values: Sequence[float], patients: Sequence[str]) -> Estimate | None:
+def over_patients(values: Sequence[float], patients: Sequence[str]) -> PatientMean | None:
     """The mean of values over patients, each patient counting once, with a bootstrap over patients.
 
     Values of one patient are averaged first: her levels and cases are correlated, so only patients are
@@ -60,7 +60,7 @@ def over_patients(values: Sequence[float], patients: Sequence[str]) -> Estimate 
         ).confidence_interval
         low, high = float(drawn.low), float(drawn.high)
     sd = float(means.std(ddof=1)) if len(means) > 1 else None
-    return Estimate(float(means.mean()), sd, low, high, len(means))
+    return PatientMean(float(means.mean()), sd, low, high, len(means))
 
 
 LIMIT = 1.96

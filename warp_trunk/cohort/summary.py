@@ -12,7 +12,7 @@ from warp_trunk.measures.comparison import RANGES
 from warp_trunk.measures.quantities import DETECTABLE
 
 from .one_case import CONVERGED, FAILED, CaseRow
-from .statistics import Estimate, LimitsOfAgreement, Trend, limits_of_agreement, over_patients, trend
+from .statistics import LimitsOfAgreement, PatientMean, Trend, limits_of_agreement, over_patients, trend
 
 WHOLE = "T3-L5"
 """The range over which a case has one error."""
@@ -34,21 +34,21 @@ skin"."""
 class RangeEstimates:
     """Means over patients for one range of levels."""
 
-    error: Estimate | None
+    error: PatientMean | None
     """Mean absolute error of the prediction [degrees], by case and then by patient."""
-    nothing_changes: Estimate | None
+    nothing_changes: PatientMean | None
     """The same of the guess that nothing changes."""
-    spline: Estimate | None
+    spline: PatientMean | None
     """The same of the skin carried by the spline."""
-    better_than_nothing: Estimate | None
+    better_than_nothing: PatientMean | None
     """How much smaller the error is [degrees], above 0 where the method helps."""
-    better_than_spline: Estimate | None
+    better_than_spline: PatientMean | None
     """Likewise."""
-    within: Estimate | None
+    within: PatientMean | None
     """Share of a patient's levels whose error is below 2.5 degrees, from 0 to 1."""
-    cases_within: Estimate | None
+    cases_within: PatientMean | None
     """Share of cases whose mean error is below 2.5 degrees, which both papers ask for."""
-    in_band: Estimate | None
+    in_band: PatientMean | None
     """Share of a patient's levels whose actual rotation lies in the prediction's 95 % interval."""
 
 
@@ -56,7 +56,7 @@ class RangeEstimates:
 class LevelSummary:
     """Back surface rotation at one level [degrees]."""
 
-    error: Estimate
+    error: PatientMean
     """Mean absolute error."""
     bias: float
     """Mean error, predicted less actual."""
@@ -70,7 +70,7 @@ class LevelSummary:
 class HumpSummary:
     """The hump where it is largest before surgery [mm]."""
 
-    error: Estimate
+    error: PatientMean
     """Mean absolute error."""
     agreement: LimitsOfAgreement
     """Predicted less actual."""
@@ -100,7 +100,7 @@ class CohortSummary:
     """Cases that a computer made."""
     ranges: dict[str, RangeEstimates]
     """By the ranges that the papers use."""
-    lenke: dict[str, Estimate | None]
+    lenke: dict[str, PatientMean | None]
     """Mean absolute error of the prediction from T3 to L5 [degrees] by curve type, Lenke 1 to 6."""
     levels: dict[str, LevelSummary]
     """By level, top to bottom."""
@@ -108,7 +108,7 @@ class CohortSummary:
     """Of back surface rotation from T3 to L5 [degrees]."""
     hump: HumpSummary | None
     """The hump, where it is largest before surgery."""
-    distance: dict[str, Estimate | None]
+    distance: dict[str, PatientMean | None]
     """Mean distance from the actual skin [mm] of cases without a spine: of the prediction (`error`), and of the
     skin before surgery (`nothing_changes`)."""
     trends: dict[str, Trend | None]
@@ -223,7 +223,7 @@ def _estimates(cases: pl.DataFrame) -> RangeEstimates:
         in_band="in_band",
     )
 
-    def estimate(name: str) -> Estimate | None:
+    def estimate(name: str) -> PatientMean | None:
         values = numbers.select("patient", name).drop_nulls()
         return over_patients(values[name].to_list(), values["patient"].to_list())
 
@@ -239,7 +239,7 @@ def _by_type(rows: Sequence[CaseRow]) -> dict[str, list[str]]:
     return by_type
 
 
-def _mean(numbers: pl.DataFrame) -> Estimate | None:
+def _mean(numbers: pl.DataFrame) -> PatientMean | None:
     return over_patients(numbers["value"].to_list(), numbers["patient"].to_list())
 
 

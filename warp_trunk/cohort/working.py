@@ -145,7 +145,7 @@ LOOPBACK = "127.0.0.1"
 
 
 @contextmanager
-def connected(workers: int, scheduler: str | None, device: str) -> Iterator[Client]:
+def dask_client(workers: int, scheduler: str | None, device: str) -> Iterator[Client]:
     """A client of a cluster of this machine's own, or of one that runs already.
 
     Args:

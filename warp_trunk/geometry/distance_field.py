@@ -124,7 +124,7 @@ class SurfaceDistance:
         distance[wanted] = np.where(np.isnan(distances), np.float32(band), distances)
         beyond = np.zeros(wanted.shape, dtype=bool)
         beyond[wanted] = np.isnan(distances)
-        patches = connected(beyond)
+        patches = connected_patches(beyond)
         sample = np.empty(patches.max(initial=0) + 1, dtype=np.int64)
         sample[patches.reshape(-1)[::-1]] = np.arange(patches.size)[::-1]  # the first node of each
         nodes = np.stack(np.unravel_index(sample[1:], wanted.shape), axis=1)
@@ -133,7 +133,7 @@ class SurfaceDistance:
         return distance
 
 
-def connected(mask: np.ndarray, diagonally: bool = False) -> np.ndarray:
+def connected_patches(mask: np.ndarray, diagonally: bool = False) -> np.ndarray:
     """Number of the connected patch of each node of a grid, from 1; 0 where the mask is false.
 
     Neighbours differ in one of the three node numbers, or in one or two of them if `diagonally`.
@@ -147,7 +147,7 @@ def connected(mask: np.ndarray, diagonally: bool = False) -> np.ndarray:
 
 def largest_piece(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The largest patch, connected also diagonally, and the sizes of all, largest first [nodes]."""
-    pieces = connected(mask, diagonally=True)
+    pieces = connected_patches(mask, diagonally=True)
     sizes = np.bincount(pieces.reshape(-1))
     sizes[0] = 0
     return pieces == sizes.argmax(), np.sort(sizes[sizes > 0])[::-1]

@@ -110,7 +110,7 @@ def fit_spline(
     """
     sources = np.asarray(sources, dtype=np.float64)
     targets = np.asarray(targets, dtype=np.float64)
-    check_landmarks(sources, targets, nugget, names, drift)
+    check_sources(sources, targets, nugget, names, drift)
     from scipy.linalg import lu_factor, lu_solve  # heavy
 
     n = len(sources)
@@ -158,7 +158,7 @@ def spline_matrix(centres: np.ndarray, nugget: float | np.ndarray = 0.0, drift: 
     return A
 
 
-def check_landmarks(
+def check_sources(
     sources: np.ndarray,
     targets: np.ndarray,
     nugget: float | np.ndarray = 0.0,
@@ -232,7 +232,7 @@ class SplineSums:
         """
         from scipy.spatial.distance import cdist  # heavy
 
-        check_landmarks(sources, sources, names=names)
+        check_sources(sources, sources, names=names)
         self._origin = sources.mean(axis=0)
         self._scale = float(np.abs(sources - self._origin).max()) or 1.0
         self._sources, self._points, self._weights = sources, self._scaled(points), weights
@@ -296,5 +296,5 @@ def spline_response(sources: np.ndarray, points: np.ndarray) -> np.ndarray:
     """
     from scipy.interpolate import RBFInterpolator  # heavy
 
-    check_landmarks(sources, sources)
+    check_sources(sources, sources)
     return RBFInterpolator(sources, np.eye(len(sources)), kernel="linear", degree=1)(points)

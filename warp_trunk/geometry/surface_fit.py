@@ -52,7 +52,7 @@ def fit_to_points(
         face, weights = nearest(now, points, reach)
         normal = np.einsum("nk,nki->ni", weights, vertex_normals(now)[surface.faces[face]])
         used = (face >= 0) & (np.einsum("ni,ni->n", normal, areas) > _FACING * size)
-        normal, place = unit(normal[used]), places(surface, face[used], weights[used])
+        normal, place = unit(normal[used]), place_matrix(surface, face[used], weights[used])
         foot = place @ vertices
         target = foot + np.einsum("ni,ni->n", points[used] - foot, normal)[:, None] * normal
         data = place.T @ diags_array(size[used])
@@ -76,7 +76,7 @@ def thin_plate(surface: Surface) -> csr_array:
     return (laplacian.T @ laplacian).tocsr()
 
 
-def places(surface: Surface, face: np.ndarray, weights: np.ndarray) -> csr_array:
+def place_matrix(surface: Surface, face: np.ndarray, weights: np.ndarray) -> csr_array:
     """The matrix that takes values at vertices to places in triangles (n,) by their corners' weights (n, 3)."""
     from scipy.sparse import csr_array  # heavy
 

@@ -116,7 +116,7 @@ def reason(error: BaseException) -> str:
     return "it is damaged, or of another format than its name says" + (f", at line {place[0]}" if place else "")
 
 
-def number(text: str) -> float:
+def parsed_number(text: str) -> float:
     """A number as files write it, NaN also as Windows writes it; float() would take 1_000 for a thousand.
 
     Raises:
@@ -132,13 +132,13 @@ def number(text: str) -> float:
 
 
 def numbers(words: Sequence[bytes | str]) -> np.ndarray:
-    """Many numbers as `number`, float64."""
+    """Many numbers as `parsed_number`, float64."""
     try:
         if not any(b"_" in word if isinstance(word, bytes) else "_" in word for word in words):
             return np.array(words, dtype=np.float64)
     except ValueError:
         pass
-    return np.array([number(word.decode("latin-1") if isinstance(word, bytes) else word) for word in words])
+    return np.array([parsed_number(word.decode("latin-1") if isinstance(word, bytes) else word) for word in words])
 
 
 def is_plain(name: str) -> bool:

@@ -11,11 +11,11 @@ import numpy as np
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.colours import as_colours
 
-from .file_access import MOST_SURFACE, FormatError, check_file, number, parsing, read_bytes
+from .file_access import MOST_SURFACE, FormatError, check_file, parsed_number, parsing, read_bytes
 from .surface_files.ply import ply_colours, ply_columns
 from .surface_files.polygons import read_obj
 from .surface_files.space import stated_space
-from .surface_files.surface_reader import ENDINGS, cure_of, parse
+from .surface_files.surface_reader import ENDINGS, cure_of, parse_surface
 
 _TEXT = (".xyz", ".csv", ".txt", ".asc", ".pts")
 
@@ -72,7 +72,7 @@ def _parsed(ending: str, content: bytes, path: Path) -> tuple[np.ndarray, np.nda
     if ending == ".obj" and not re.search(rb"^f\s", content, re.MULTILINE):
         points, _, numbers = read_obj(content)
         return points, None if numbers is None else as_colours(numbers, points)
-    surface = parse(ending, content, path)
+    surface = parse_surface(ending, content, path)
     used, faces, colours = np.unique(surface.faces), surface.faces, surface.colours
     points = np.vstack([surface.vertices[used], surface.vertices[faces].mean(axis=1)])
     return points, None if colours is None else np.vstack([colours[used], colours[faces[:, 0]]])
@@ -93,10 +93,12 @@ def _table(content: bytes) -> np.ndarray:
     if not table:
         raise FormatError("it holds no points")
     columns = _columns([_words(_UNIT.sub("", line.strip("#/ ")), _ANY) for line in titles])
-    short = next((number for number, row in enumerate(table, start=1) if len(row) <= max(columns)), None)
+    short = next(
+        (parsed_number for parsed_number, row in enumerate(table, start=1) if len(row) <= max(columns)), None
+    )
     if short:
         raise FormatError(f"row {short} has fewer than three numbers, or lacks x, y or z")
-    return np.array([[number(row[column]) for column in columns] for row in table])
+    return np.array([[parsed_number(row[column]) for column in columns] for row in table])
 
 
 _NUMERIC = re.compile(r"[-+.,]?\d|[-+]?(?:nan|inf)\b", re.IGNORECASE)

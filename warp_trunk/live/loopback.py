@@ -47,7 +47,7 @@ class LoopbackServer(viser.ViserServer):
         Raises:
             InputError: the port is taken.
         """
-        check_free(port)
+        check_port(port)
         with _guarded(port) as guards, contextlib.redirect_stdout(io.StringIO()):  # it prints a box
             super().__init__(host=LOOPBACK, port=port, label=title, verbose=False)
         if guards != [port] or self.get_port() != port:
@@ -65,7 +65,7 @@ class LoopbackServer(viser.ViserServer):
         return f"http://{LOOPBACK}:{self.get_port()}"
 
 
-def check_free(port: int) -> None:
+def check_port(port: int) -> None:
     """InputError where another program listens on a port, or the program of a user cannot."""
     if not 1024 <= port <= 65535:
         raise InputError(f"--port: must be from 1024 to 65535, not {port}; give 8137")

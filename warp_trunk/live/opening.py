@@ -49,11 +49,11 @@ def plan_live(
             f"--live: needs packages that are not installed ({', '.join(missing)}); "
             "pip install 'warp-trunk[live]' (in a clone: uv sync --extra live)"
         )
-    from .loopback import check_free
+    from .loopback import check_port
     from .planning_page import Page
     from .sliders import MotionSliders, SpineSliders, first_state, with_handles
 
-    check_free(port)
+    check_port(port)
     if not case.has_spine:
         if options.bones == "spline":
             raise InputError("--bones spline: needs a spine, and bones move by motions alone; leave it out")

@@ -10,7 +10,14 @@ import numpy as np
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.geometry.core_threads import each_over_cores
-from warp_trunk.geometry.distance_field import Box, Grid, SurfaceDistance, connected, nearest_surface, zero_surface
+from warp_trunk.geometry.distance_field import (
+    Box,
+    Grid,
+    SurfaceDistance,
+    connected_patches,
+    nearest_surface,
+    zero_surface,
+)
 from warp_trunk.geometry.surface import Surface, check_surface
 from warp_trunk.geometry.surface_checks import crossings, manifold_fault, place_of
 
@@ -92,10 +99,10 @@ def _isosurface(
     """The zero surface of max(min over bones, skin + margin), without cavities and specks."""
     field, grid = _field(distances, skin_distance, margin, voxel)
     # marching cubes join diagonal neighbours inside, so pieces are counted in that way
-    pieces = connected(field < 0.0, diagonally=True)
+    pieces = connected_patches(field < 0.0, diagonally=True)
     specks = np.bincount(pieces.reshape(-1)) < _SPECK
     field[specks[pieces] & (pieces > 0)] = voxel
-    outside = connected(field >= 0.0)
+    outside = connected_patches(field >= 0.0)
     if not (field < 0.0).any():
         return None
     field[(outside > 0) & (outside != outside[0, 0, 0])] = -voxel  # cavities in bone are no soft tissue

@@ -53,7 +53,7 @@ class Stream:
         if not self._closed:
             self._closed = True
             self.wait()
-            if not within(1.0 if self.failed else WAIT, self._stream.disconnect) and not self.failed:
+            if not ends_within(1.0 if self.failed else WAIT, self._stream.disconnect) and not self.failed:
                 self.fail(f"closing took more than {WAIT:g} s")
 
     def fail(self, reason: str) -> None:
@@ -92,7 +92,7 @@ def open_streams(name: str, path: Path, live: str | None, blueprint: Any) -> lis
     return streams
 
 
-def within(seconds: float, action: Callable[[], object]) -> bool:
+def ends_within(seconds: float, action: Callable[[], object]) -> bool:
     """Whether an action that may never return ended in time."""
     thread = threading.Thread(target=action, daemon=True)
     thread.start()

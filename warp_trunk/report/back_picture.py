@@ -20,7 +20,7 @@ _MARGIN = 150.0
 _SHOWN = 20_000
 
 
-def back_picture(measures: BackMeasures, scan: BackPoints) -> bytes:
+def scan_picture(measures: BackMeasures, scan: BackPoints) -> bytes:
     """The points of a scan seen from behind, as a PNG file.
 
     The skin is grey, what stands on it purple, surroundings are orange; a line at each level joins the points that

@@ -26,7 +26,7 @@ from warp_trunk.measures.verdicts import NOT_KNOWN, is_known
 from warp_trunk.results.summary_text import spring_lines
 
 from .headlines import Headline, headlines
-from .sentences import bent, joined, option_rows, planned, questions, sentences
+from .sentences import bent, joined_sentence, option_rows, planned, questions, sentences
 from .style import TrunkState
 from .turning import Turning, script
 
@@ -75,7 +75,7 @@ def page(
         implausible=f"{STRETCH:g}",
         glance=shown,
         in_numbers=in_numbers(shown),
-        joined=joined(plan),
+        joined=joined_sentence(plan),
         plan_words="" if plan is None else plan_words(plan),
         planned=planned(table, curves, list(table.column(BEFORE, "bsr_deg")), plan, summary.lenke),
         bent=bent(table),

@@ -88,7 +88,7 @@ def questions(shown: Sequence[Headline], plan: Plan | None) -> list[str]:
     return [*asked, "How far may the result be from these pictures?"]
 
 
-def joined(plan: Plan | None) -> str:
+def joined_sentence(plan: Plan | None) -> str:
     """The fused vertebrae in a sentence."""
     if plan is None:
         return "The bones were moved without a plan of fusion: no vertebra is stated to be joined."
@@ -302,10 +302,12 @@ _SHOWN = {"m/s^2": "m/s²", "kg/m^3": "kg/m³", "degrees": "°"}
 
 def option_rows(parameters: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Each option in words, as on the command line but for its dashes, with its value and unit."""
-    return [(name.replace("_", " "), value_text(value, UNITS.get(name, ""))) for name, value in parameters.items()]
+    return [
+        (name.replace("_", " "), option_text(value, UNITS.get(name, ""))) for name, value in parameters.items()
+    ]
 
 
-def value_text(value: object, unit: str = "") -> str:
+def option_text(value: object, unit: str = "") -> str:
     """A value as text, with its unit; a dash for none."""
     if value is None or value == []:
         return "–"

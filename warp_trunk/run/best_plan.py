@@ -15,7 +15,7 @@ import numpy as np
 from msgspec import Meta
 
 from warp_trunk.bone_motion.plan import Plan, Planner
-from warp_trunk.bone_motion.plan.record import Bound, bounds_of_text, check_bounds, shares_of, with_shares
+from warp_trunk.bone_motion.plan.record import Bound, bounded_shares, bounds_of_text, check_bounds, with_shares
 from warp_trunk.case import Case
 from warp_trunk.checking import checked
 from warp_trunk.engine.linearization import Linearization
@@ -217,7 +217,7 @@ def best_plan(
         progress.message(f"plan {len(trials)}: {listed}: {result}")
         return trial
 
-    start = trial_at(shares_of(plan, search.bounds))
+    start = trial_at(bounded_shares(plan, search.bounds))
     with suppress(_SpentError):
         _minimise(search.bounds, start, trial_at)
     low, high = np.array([(bound.low, bound.high) for bound in search.bounds]).T
@@ -300,8 +300,8 @@ def best_plan_text(outcome: BestPlan) -> str:
     search, start, best = outcome.search, outcome.start, outcome.best
     _, name, unit = AIMS[search.aim]
     lines = [f"{f'plan within the bounds, {len(outcome.trials)} relaxations':<42}{'given':>8}{'best':>8}   bounds"]
-    for bound, share in zip(search.bounds, shares_of(outcome.plan, search.bounds), strict=True):
-        was = shares_of(search.plan, (bound,))[0]
+    for bound, share in zip(search.bounds, bounded_shares(outcome.plan, search.bounds), strict=True):
+        was = bounded_shares(search.plan, (bound,))[0]
         at = " (at its end)" if share in (bound.low, bound.high) else ""
         ends = f"{bound.low:g} to {bound.high:g}{at}"
         lines.append(f"{f'{bound.target} of {bound.apex}':<42}{was:>8.2f}{share:>8.2f}   {ends}")

@@ -42,7 +42,7 @@ from .progress import Progress, Silent
 from .unread_options import refuse_unread
 from .warnings import (
     alignment_warnings,
-    check_size,
+    check_memory,
     curve_warnings,
     ending_warnings,
     endplate_warnings,
@@ -252,7 +252,7 @@ class _Simulator:
         choose_device(execution.device)
         choose_threads(execution.threads)
         if patient is None and options.from_mesh is None:
-            cost = check_size(options.mesh.tets, go_on=execution.yes)
+            cost = check_memory(options.mesh.tets, go_on=execution.yes)
             if cost is not None:
                 self.progress.message(cost)
         all_warnings = [

@@ -170,7 +170,7 @@ _SECONDS_EACH = 3.5e-4
 """Seconds for each tetrahedron on two cores: 70, 512 and 597 with the same numbers, beside other work."""
 
 
-def check_size(tets: int, *, go_on: bool = False) -> str | None:
+def check_memory(tets: int, *, go_on: bool = False) -> str | None:
     """A sentence on memory and time where the number of tetrahedra is large.
 
     Raises:

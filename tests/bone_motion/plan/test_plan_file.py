@@ -6,7 +6,7 @@ import pytest
 
 from support.asserting import refuses
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, read_plan, write_plan
-from warp_trunk.bone_motion.plan.record import Bound, bounds_of_text, check_bounds, shares_of, with_shares
+from warp_trunk.bone_motion.plan.record import Bound, bounded_shares, bounds_of_text, check_bounds, with_shares
 
 FULL = Plan(
     uiv="T4",
@@ -68,7 +68,7 @@ def test_bounds_as_the_command_line_has_them() -> None:
 
 def test_shares_of_a_plan_are_taken_and_put_back() -> None:
     bounds = bounds_of_text("T8,derotation=0.2..0.6,correction=0.5..0.8")
-    assert shares_of(PLAN, bounds) == (0.3, 0.6)
+    assert bounded_shares(PLAN, bounds) == (0.3, 0.6)
     other = with_shares(PLAN, bounds, (0.4, 0.7))
     assert other.curves == (CurvePlan(apex="T8", correction=0.7, derotation=0.4), CurvePlan(apex="L2"))
     assert with_shares(other, bounds, (0.3, 0.6)) == PLAN

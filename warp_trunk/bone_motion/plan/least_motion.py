@@ -37,7 +37,7 @@ _MET = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Limits:
+class BendLimits:
     """Impossible bends, by segment from the top; the lowest is that to the pelvis."""
 
     still: Placed
@@ -56,10 +56,10 @@ class Limits:
         return np.concatenate([*over, self.gap - rim_gaps(placed)], axis=-1)
 
 
-def limits_of(chain: SpineChain) -> Limits:
+def limits_of(chain: SpineChain) -> BendLimits:
     """The limits of a spine: what is past them before surgery may stay as it is."""
     still, turned = Placed(chain, chain.still), segments(_against_pelvis(chain))
-    return Limits(still, turned, np.maximum(_length(turned), MOST_SEGMENT), np.minimum(rim_gaps(still), 0.0))
+    return BendLimits(still, turned, np.maximum(_length(turned), MOST_SEGMENT), np.minimum(rim_gaps(still), 0.0))
 
 
 def segments(angles: np.ndarray) -> np.ndarray:
@@ -86,7 +86,7 @@ def _length(vectors: np.ndarray) -> np.ndarray:
     return np.sqrt((vectors**2).sum(axis=-1))
 
 
-def least_motion(limits: Limits, targets: Sequence[Target], free: np.ndarray) -> np.ndarray:
+def least_motion(limits: BendLimits, targets: Sequence[Target], free: np.ndarray) -> np.ndarray:
     """The change of the vertebrae's angles, shape (n, 3) [degrees].
 
     A target with a part of the spine changes all bends of that part in proportion, by a factor that costs
@@ -109,7 +109,7 @@ def least_motion(limits: Limits, targets: Sequence[Target], free: np.ndarray) ->
     return placed.change
 
 
-def _refusal(limits: Limits, targets: Sequence[Target], free: np.ndarray, missed: dict[str, float]) -> str:
+def _refusal(limits: BendLimits, targets: Sequence[Target], free: np.ndarray, missed: dict[str, float]) -> str:
     """Names the target that is to blame and the nearest to it, halving the way there until a degree is known."""
     way = {t.name: -float(t.off(limits.still)) for t in targets}
     worst = max(
@@ -134,7 +134,7 @@ def _missed(targets: Sequence[Target], placed: Placed) -> dict[str, float]:
     return {name: value for name, value in off.items() if not value <= _MET}
 
 
-def _solved(limits: Limits, targets: Sequence[Target], free: np.ndarray) -> Placed:
+def _solved(limits: BendLimits, targets: Sequence[Target], free: np.ndarray) -> Placed:
     """By Levenberg and Marquardt's method of MINPACK, with derivatives by differences of all unknowns at once."""
     from scipy.optimize import least_squares  # heavy
 

@@ -15,7 +15,7 @@ from warp_trunk.case.folders import is_case, refuse_case
 from warp_trunk.checking import checked
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import json_text, write_whole
-from warp_trunk.io.file_access import check_place, number, read_text
+from warp_trunk.io.file_access import check_place, parsed_number, read_text
 from warp_trunk.io.records import as_record, toml_table, toml_text
 from warp_trunk.io.result_files import MOST_PLAN, PLAN
 
@@ -60,7 +60,7 @@ def curve_of_text(text: str) -> CurvePlan:
     Raises:
         InputError: a key that is not known, or a value that is no number or is not allowed.
     """
-    apex, targets = targets_of_text("--curve", text, number, "a number, as correction=0.65")
+    apex, targets = targets_of_text("--curve", text, parsed_number, "a number, as correction=0.65")
     return as_record({"apex": apex, **targets}, CurvePlan, f"--curve {text}")
 
 

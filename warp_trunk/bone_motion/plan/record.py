@@ -12,7 +12,7 @@ from msgspec import Meta
 from warp_trunk.case.anatomy import VERTEBRAE, rank, region
 from warp_trunk.checking import check_fields
 from warp_trunk.errors import InputError
-from warp_trunk.io.file_access import number
+from warp_trunk.io.file_access import parsed_number
 from warp_trunk.io.records import as_record
 
 Value = TypeVar("Value")
@@ -190,7 +190,7 @@ def bounds_of_text(text: str) -> tuple[Bound, ...]:
 
 
 def _range(text: str) -> tuple[float, float]:
-    low, high = map(number, text.split(".."))
+    low, high = map(parsed_number, text.split(".."))
     return low, high
 
 
@@ -237,7 +237,7 @@ def check_bounds(plan: Plan, bounds: Sequence[Bound]) -> None:
             )
 
 
-def shares_of(plan: Plan, bounds: Sequence[Bound]) -> tuple[float, ...]:
+def bounded_shares(plan: Plan, bounds: Sequence[Bound]) -> tuple[float, ...]:
     """The value of a plan for each bound."""
     return tuple(_share_of(plan, bound) or 0.0 for bound in bounds)
 

@@ -65,7 +65,7 @@ class Target:
 
 
 @dataclass(frozen=True)
-class Curve:
+class PlannedCurve:
     """A curve before surgery with what is planned for it."""
 
     before: CobbAngle
@@ -85,7 +85,7 @@ class Curve:
 
 def curves_of_plan(
     curves: tuple[CobbAngle, ...], levels: tuple[str, ...], plan: Plan, flexibility: Mapping[str, float]
-) -> tuple[Curve, ...]:
+) -> tuple[PlannedCurve, ...]:
     """Every curve of the spine, each with what is planned for it.
 
     Args:
@@ -113,7 +113,7 @@ def curves_of_plan(
         bent_out = flexibility.get(curve.apex)
         expected = FOLLOWS * corrected if bent_out is None else bent_out
         share = expected if plan.spontaneous is None else plan.spontaneous
-        planned.append(Curve(curve, wanted.get(curve), min(max(share, 0.0), corrected), bent_out))
+        planned.append(PlannedCurve(curve, wanted.get(curve), min(max(share, 0.0), corrected), bent_out))
     return tuple(planned)
 
 
@@ -150,7 +150,7 @@ def _curve_at(apex: str, curves: tuple[CobbAngle, ...], levels: tuple[str, ...])
     return curve
 
 
-def targets_of(chain: SpineChain, plan: Plan, curves: tuple[Curve, ...]) -> list[Target]:
+def targets_of(chain: SpineChain, plan: Plan, curves: tuple[PlannedCurve, ...]) -> list[Target]:
     """Every target of a plan, those of what is kept included; see docs/planning.md."""
     still = Placed(chain, chain.still)
     apices = [chain.row(curve.before.apex) for curve in curves]
@@ -217,7 +217,7 @@ def _of_curve(still: Placed, asked: CurvePlan, curve: CobbAngle, around: tuple[i
     return targets
 
 
-def _outside(still: Placed, plan: Plan, curve: Curve) -> list[Target]:
+def _outside(still: Placed, plan: Plan, curve: PlannedCurve) -> list[Target]:
     """The part of an unplanned curve above and below the fusion, which corrects by itself."""
     if curve.spontaneous == 0.0:
         return []

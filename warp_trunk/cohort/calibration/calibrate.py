@@ -10,7 +10,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 
-from ..statistics import Estimate, over_patients
+from ..statistics import PatientMean, over_patients
 from .fit import Fit, Piece, Prior, certainty, find, without
 from .free_constants import FreeConstant, values_of
 from .one_fit import CaseFit, FitJob, fit_case
@@ -87,7 +87,7 @@ class Calibration:
     """The same at the end [mm]."""
     held_out: tuple[HeldOut, ...]
     """Each case without its patient; empty for one patient."""
-    held_out_gain_mm: Estimate | None
+    held_out_gain_mm: PatientMean | None
     """How much nearer a left-out back comes to the actual one [mm], over patients."""
 
 

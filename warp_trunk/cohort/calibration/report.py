@@ -13,7 +13,7 @@ from warp_trunk.report.page import rendered
 from .calibrate import Calibration, FittedConstant
 
 
-def check_file(path: Path) -> None:
+def check_tissue_file(path: Path) -> None:
     """Raise InputError where the files cannot be written."""
     if path.suffix != ".toml":
         raise InputError(f"{path}: must end in .toml, as simulate --tissue-file reads it; call it tissue.toml")
@@ -40,7 +40,7 @@ def calibration_page(calibration: Calibration) -> str:
         "calibration.html",
         {},
         calibration=calibration,
-        warnings=warnings_of(calibration),
+        warnings=calibration_warnings(calibration),
         gain=gain_text(calibration),
     )
 
@@ -49,7 +49,7 @@ def _percent(fitted: FittedConstant) -> str:
     return f"{100.0 * fitted.from_data:.0f} %"
 
 
-def warnings_of(calibration: Calibration) -> list[str]:
+def calibration_warnings(calibration: Calibration) -> list[str]:
     """The reasons to doubt the constants."""
     said = [f"{name} took no part: {reason}" for name, reason in calibration.left_out.items()]
     if not calibration.converged:
@@ -92,4 +92,4 @@ def calibration_text(calibration: Calibration) -> str:
     lines.append(
         f"mean distance of the backs: {calibration.skin_before_mm:.2f} mm before, {calibration.skin_mm:.2f} after"
     )
-    return "\n".join([*lines, *filter(None, [gain_text(calibration)]), *warnings_of(calibration)])
+    return "\n".join([*lines, *filter(None, [gain_text(calibration)]), *calibration_warnings(calibration)])

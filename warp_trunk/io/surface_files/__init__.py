@@ -1,6 +1,6 @@
 """Surfaces as other programs write them; each reader takes the bytes of one file, and OBJ its textures."""
 
-from .surface_reader import ENDINGS, in_lps, parse, read_stated, read_surface, surface_files
+from .surface_reader import ENDINGS, in_lps, parse_surface, read_stated, read_surface, surface_files
 from .surface_writer import WRITTEN, check_written, write_surface
 
 __all__ = [
@@ -8,7 +8,7 @@ __all__ = [
     "WRITTEN",
     "check_written",
     "in_lps",
-    "parse",
+    "parse_surface",
     "read_stated",
     "read_surface",
     "surface_files",

@@ -14,7 +14,7 @@ import numpy as np
 
 from warp_trunk.geometry.colours import mean_colours
 
-from ..file_access import FormatError, number
+from ..file_access import FormatError, parsed_number
 from .textures import corner_colours, read_materials
 
 
@@ -64,7 +64,7 @@ def read_obj(content: bytes, path: Path | None = None) -> tuple[np.ndarray, np.n
         if words[0] == "v":
             if len(words) < 4:
                 raise FormatError(f"line {place}: a vertex needs x, y and z, not {line.strip()[:40]!r}")
-            vertices.append([number(word) for word in words[1:4]])
+            vertices.append([parsed_number(word) for word in words[1:4]])
             if len(words) >= 7:
                 colours.append([_number_if_any(word) for word in words[4:7]])
         elif words[0] == "vt" and len(words) > 2:
@@ -106,6 +106,6 @@ def _index(text: str) -> int:
 def _number_if_any(text: str) -> float:
     """A number that is not needed: NaN where it is none."""
     try:
-        return number(text)
+        return parsed_number(text)
     except FormatError:
         return float("nan")

@@ -110,7 +110,7 @@ def read_stated(path: Path, units: str = "mm") -> tuple[Surface, str | None]:
         )
     content = read_bytes(path, expected, MOST_SURFACE)
     with parsing(path, "a surface", len(content)):
-        surface = parse(ending, content, path)
+        surface = parse_surface(ending, content, path)
         space = stated_space(ending, content)
     if ending == ".glb" and units == "mm" and np.ptp(surface.vertices, axis=0).max(initial=0.0) < _LARGEST_BODY:
         surface = surface.moved(1000.0 * surface.vertices)
@@ -118,7 +118,7 @@ def read_stated(path: Path, units: str = "mm") -> tuple[Surface, str | None]:
     return surface, space
 
 
-def parse(ending: str, content: bytes, path: Path | None = None) -> Surface:
+def parse_surface(ending: str, content: bytes, path: Path | None = None) -> Surface:
     """The surface of a file in the order of the file; polygons become fans.
 
     Identical points become one vertex, in the order they first appear, where the file repeats the corners of

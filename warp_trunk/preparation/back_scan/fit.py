@@ -26,7 +26,7 @@ from .body import StraightBody, made_body
 from .bones import all_under_skin, forward_under_skin, ribs_on_vertebrae
 from .frame import PelvisFrame, check_on_scan, find_frame
 from .scan import BackScan, check_inside, clean_scan
-from .spine import TURN_SD, PlacedSpine, place_spine, poses_of, turns_of
+from .spine import TURN_SD, PlacedSpine, place_spine, placed_poses, turns_of
 from .warping import ScanField, draw_to_scan, on_trunk, seen_by, warp_onto
 
 _GROWS = 18.0
@@ -118,7 +118,7 @@ def fit_back(
         placings += 1
         if placings == _PLACINGS:
             break
-        poses = poses_of(placed, turns, straight.centres, straight.axes)
+        poses = placed_poses(placed, turns, straight.centres, straight.axes)
         marks = {level: straight.landmarks.of_bone(level).points for level in VERTEBRAE}
         centroids = np.array([poses[level](marks[level]).mean(axis=0) for level in VERTEBRAE])
         rise = frame.to_patient(centroids)[:, 2] - asked.centres[:, 2]
@@ -155,7 +155,7 @@ def _fitted(
 
     def fitted(forward: np.ndarray) -> tuple[Surface, dict[str, Surface], Landmarks, dict[str, VertebraPose]]:
         now = replace(placed, centres=placed.centres - forward[:, None] * [0.0, 1.0, 0.0])
-        poses = poses_of(now, turns, straight.centres, straight.axes)
+        poses = placed_poses(now, turns, straight.centres, straight.axes)
         landmarks, growth = grown(straight.skin, straight.bones, straight.landmarks, poses, 0.0)
         skin = Surface(growth(straight.skin.vertices), straight.skin.faces)
         ends = landmarks.points[["endplate" in name for name in landmarks.names]]

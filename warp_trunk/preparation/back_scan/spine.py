@@ -38,7 +38,7 @@ class PlacedSpine:
         return PlacedSpine((self.centres - shift) @ rotation.T, self.up @ rotation.T, across)
 
 
-def smoothed(line: np.ndarray) -> np.ndarray:
+def smoothed_line(line: np.ndarray) -> np.ndarray:
     """The line as smooth as a spine is, sampled evenly and continued straight at both ends, shape (n, 3) [mm]."""
     line = line[np.append(True, np.diff(arc_length(line)) > 1e-6)]
     long = arc_length(line)[-1]
@@ -64,7 +64,7 @@ def place_spine(
         rise: how far the centroid of the landmarks of each is above the middle of its body [mm], shape (17,).
     """
     if not spine.levels:
-        fine = smoothed(spine.line)
+        fine = smoothed_line(spine.line)
         usual, slope, heights = vertebrae_on_line(fine, markers)[:, 2], np.gradient(fine, axis=0), -fine[:, 2]
         usual -= rise
         centres = np.column_stack([np.interp(-usual, heights, track) for track in fine.T])
@@ -108,7 +108,7 @@ def turns_of(placed: PlacedSpine, smooth: bool) -> np.ndarray:
     return turn
 
 
-def poses_of(
+def placed_poses(
     placed: PlacedSpine, turns: np.ndarray, centres: np.ndarray, axes: np.ndarray
 ) -> dict[str, VertebraPose]:
     """The motion of each vertebra of a straight body, with middles and axes (17, 3), to its place and turn."""

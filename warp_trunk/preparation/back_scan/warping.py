@@ -10,7 +10,7 @@ import numpy as np
 from warp_trunk.geometry.distance_field import nearest
 from warp_trunk.geometry.spline import fit_spline, spread_centres
 from warp_trunk.geometry.surface import Surface, vertex_areas, vertex_normals
-from warp_trunk.geometry.surface_fit import places, solved, thin_plate
+from warp_trunk.geometry.surface_fit import place_matrix, solved, thin_plate
 
 from .scan import BackScan
 
@@ -123,7 +123,7 @@ def draw_to_scan(skin: Surface, scan: BackScan) -> Surface:
     for _ in range(_ROUNDS):
         face, weights = nearest(Surface(moved, skin.faces), scan.points, 2.0 * ON_TRUNK)
         used = face >= 0
-        place = places(skin, face[used], weights[used])
+        place = place_matrix(skin, face[used], weights[used])
         foot, normal = place @ moved, scan.normals[used]
         off = np.einsum("ni,ni->n", scan.points[used] - foot, normal)
         goal = foot + off[:, None] * normal - place @ start

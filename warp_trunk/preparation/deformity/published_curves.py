@@ -100,7 +100,7 @@ def thoracic_rotation(cobb: float, kyphosis: float) -> float:
     return max(0.0, 0.26 * kyphosis + 0.34 * cobb - 5.4) if cobb > 0.0 else 0.0
 
 
-def tilts_of(curve: PublishedCurve, upper: float | None, lower: float | None) -> np.ndarray:
+def published_tilts(curve: PublishedCurve, upper: float | None, lower: float | None) -> np.ndarray:
     """Coronal tilt of T1 to L5 over the Cobb angle, shape (17,), with the main curve scaled to 1.
 
     Args:

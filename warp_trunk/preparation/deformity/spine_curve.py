@@ -28,9 +28,9 @@ from .published_curves import (
     LUMBOSACRAL,
     SECONDARY_ROTATION,
     Kind,
+    published_tilts,
     secondary_share,
     thoracic_rotation,
-    tilts_of,
 )
 
 if TYPE_CHECKING:
@@ -158,7 +158,7 @@ class SpineCurve:
         )
 
     def _tilts(self) -> np.ndarray:
-        return tilts_of(CURVES[self.kind], self.upper_share, self.lower_share)
+        return published_tilts(CURVES[self.kind], self.upper_share, self.lower_share)
 
 
 def left_after(fraction: float) -> float:

@@ -99,7 +99,7 @@ class Mask:
         return [(a, s) for a, s, at in faces if 0 <= at < held.shape[a] and held.take(at, axis=a).any()]
 
 
-def joined(first: Mask, other: Mask) -> Mask | None:
+def joined_masks(first: Mask, other: Mask) -> Mask | None:
     """Both in one box; None where they are of different images."""
     if first.shape != other.shape:
         return None

@@ -23,7 +23,7 @@ from warp_trunk.io.image_files.image import Image
 from warp_trunk.io.image_files.image_reader import ENDINGS, image_ending, image_stem, read_labels
 from warp_trunk.io.surface_files import read_surface, surface_files
 
-from .mask import Mask, boxes, joined
+from .mask import Mask, boxes, joined_masks
 
 SKIN, ARMS, CARTILAGES = "skin", "extremities", "costal_cartilages"
 FAT, MUSCLE = "subcutaneous_fat", "skeletal_muscle"
@@ -129,7 +129,7 @@ class Source:
     def add(self, name: str, mask: Mask, where: str) -> None:
         """Puts in a mask; InputError where there is another of this name that it may not be joined with."""
         if name in self.masks:
-            both = joined(self.masks[name], mask) if name in _JOINED else None
+            both = joined_masks(self.masks[name], mask) if name in _JOINED else None
             if both is None:
                 raise InputError(f"{where}: is '{name}', and so is another label; give each bone one label")
             mask = both

@@ -13,7 +13,7 @@ import numpy as np
 from warp_trunk.case.landmarks import Landmarks, read_rows
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import csv_text, write_whole
-from warp_trunk.io.file_access import FormatError, number, read_text
+from warp_trunk.io.file_access import FormatError, parsed_number, read_text
 
 _COLUMNS = ("name", "u", "v")
 _LARGEST = 1e100
@@ -63,7 +63,7 @@ def read_projection(path: str | Path) -> np.ndarray:
     text = read_text(path, "a projection is a text file of 3 lines of 4 numbers")
     try:
         rows = [line.split("#")[0].replace(",", " ").split() for line in text.split("\n")]
-        rows = [[number(word) for word in row] for row in rows if row]
+        rows = [[parsed_number(word) for word in row] for row in rows if row]
         if [len(row) for row in rows] != [4, 4, 4]:
             raise FormatError(f"3 by 4 are needed, its lines have {[len(row) for row in rows]}")
     except FormatError as error:
