@@ -233,6 +233,7 @@ def _is_list(value: object) -> bool:
     return isinstance(value, Sequence | np.ndarray) and not isinstance(value, str | bytes)
 
 
+@cache
 def _outer(kind: Any) -> Any:
     """The type of a hint without its members."""
     return _outer(get_args(kind)[0]) if get_origin(kind) is Annotated else get_origin(kind) or kind

@@ -79,13 +79,14 @@ def shaded(
         part: 0 to 1, shape (rows, columns).
         skin: what it is mixed into, shape as that of the colour.
     """
-    light = np.clip(np.nan_to_num(seen.normal) @ LIGHT, 0.0, 1.0)[:, :, None]
+    light = np.clip(np.nan_to_num(seen.normal @ LIGHT), 0.0, 1.0).astype(np.float32)[:, :, None]
     base = np.where((seen.cloth == 0)[:, :, None], skin, MATERIALS[seen.cloth])
     if colour is not None and part is not None:
         base = base + (part * (seen.cloth == 0))[:, :, None] * (colour - base)
-    lit = (SHADOW + (1.0 - SHADOW) * light) * base
-    image = np.concatenate([lit, np.isfinite(seen.depth)[:, :, None]], axis=2)
-    return np.round(255.0 * image).astype(np.uint8)  # matplotlib draws whole numbers several times as fast
+    image = np.empty((*seen.depth.shape, 4), np.uint8)  # matplotlib draws whole numbers several times as fast
+    image[:, :, :3] = np.round(255.0 * (SHADOW + (1.0 - SHADOW) * light) * base)
+    image[:, :, 3] = np.where(np.isfinite(seen.depth), 255, 0)
+    return image
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
