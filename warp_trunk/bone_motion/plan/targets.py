@@ -177,7 +177,7 @@ def targets_of(chain: SpineChain, plan: Plan, curves: tuple[PlannedCurve, ...]) 
     return targets
 
 
-def _balance(still: Placed, plan: Plan, curves: tuple[Curve, ...]) -> float:
+def _balance(still: Placed, plan: Plan, curves: tuple[PlannedCurve, ...]) -> float:
     """How far T1 is to stand to the right of the sacrum [mm]."""
     before = float(still.plumb(0))
     if plan.balance == "centre":
