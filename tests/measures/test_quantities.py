@@ -160,3 +160,15 @@ def test_columns_are_typed_also_where_the_first_thousand_numbers_are_not_known(f
     assert frame["low"][-1] == 0.5
     assert frame["state"].to_list()[-2:] == ["before", "predicted"]
     assert np.isnan(frame["value"].to_numpy()[-1])
+
+
+def test_columns_are_a_frame_of_pandas():
+    pandas = pytest.importorskip("pandas", reason="pandas is not installed")
+    rows = [
+        Measured("before", "T8", "bsr_deg", 1.0, None, None),
+        Measured("before", "T9", "bsr_deg", None, 0.5, 2.0),
+    ]
+    frame = pandas.DataFrame(MeasureTable(rows).to_columns())
+    assert [str(kind) for kind in frame.dtypes[-3:]] == ["float64"] * 3
+    assert frame["low"].isna().tolist() == [True, False]
+    assert frame.set_index("level").loc["T8", "value"] == 1.0

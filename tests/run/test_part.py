@@ -78,6 +78,12 @@ def test_several_motions_share_a_patient(tmp_path, capsys):
     moved = [np.abs(result.skin.vertices - result.skin_before.vertices).max() for result in ways]
     assert moved[1] > 3.0 * moved[0]
     assert capsys.readouterr().err.count("meshing the soft tissue") == 1
+    for result, way in zip(ways, (-1.0, -4.0), strict=True):  # a result says what moved its bones
+        assert result.motions == {"front": Motion(translation=(0.0, way, 0.0))}
+        assert "<h3>Motions</h3>" in write_report(result, tmp_path).read_text(encoding="utf-8")
+    assert ways[0].fingerprint != replace(ways[0], motions=ways[1].motions).fingerprint
+    assert main([*words[:3], str(tmp_path / "planless"), *words[4:7]]) == 0
+    assert read_result(tmp_path / "planless").motions["front"].translation == (0.0, -1.0, 0.0)
 
 
 def test_swept_volumes_are_those_between_the_skins():

@@ -13,7 +13,7 @@ from warp_trunk.geometry.coarsening import without_slivers
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import LEAST_ANGLE, place_of, slivers
 from warp_trunk.io.file_access import check_within, read_text
-from warp_trunk.io.result_files import MOST_PLAN, PLAN
+from warp_trunk.io.result_files import MOST_PLAN, MOTIONS, PLAN
 from warp_trunk.io.surface_files import surface_files
 
 from .anatomy import check_bone_names
@@ -25,7 +25,6 @@ from .header import read_header
 from .landmark_checks import align_pelvis
 from .landmarks import NO_LANDMARKS, Landmarks, landmark_file, read_landmarks
 from .layers import read_layers
-from .motions import FILE as MOTIONS
 from .motions import Motion, read_motions
 from .points import FILE as POINTS
 from .points import Points, read_followed_points

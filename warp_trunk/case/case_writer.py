@@ -10,6 +10,7 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import partial, write_whole
 from warp_trunk.io.file_names import check_file_names
 from warp_trunk.io.folders import make_writable
+from warp_trunk.io.result_files import MOTIONS
 from warp_trunk.io.surface_files import surface_files, write_surface
 
 from .case import Case
@@ -17,7 +18,6 @@ from .folders import HEADER
 from .header import CaseHeader, header_text
 from .landmarks import write_landmarks
 from .layers import write_layers
-from .motions import FILE as MOTIONS
 from .motions import motions_text
 from .points import FILE as POINTS
 from .points import points_text

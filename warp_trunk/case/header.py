@@ -15,7 +15,7 @@ from warp_trunk.io.atomic_write import partial
 from warp_trunk.io.records import as_record, read_toml, toml_text
 from warp_trunk.io.surface_files import in_lps, read_stated
 
-from .axes import Axes
+from .axes import MILLIMETRES, Axes
 from .case import Posture, Study
 from .landmarks import COLUMNS
 from .layers import LayerTable
@@ -69,7 +69,7 @@ class CaseHeader:
 
         Axes other than LPS in case.toml hold for all files; else the header of a file does.
         """
-        surface, space = read_stated(path, self.units)
+        surface, space = read_stated(path, MILLIMETRES[self.units])
         if self.axes == "LPS":
             return self.frame.surface_to_lps(in_lps(surface, space), self.units), None
         note = f'{path}: its header says SPACE={space}; axes = "{self.axes}" of case.toml is used.'

@@ -17,8 +17,6 @@ from warp_trunk.io.transform_file import read_transform, rigid
 
 from .axes import Axes
 
-FILE = "motions.toml"
-"""The file of a case folder with the motions of bones."""
 Vector = tuple[float, float, float]
 Row = tuple[float, float, float, float]
 Matrix = tuple[Row, Row, Row, Row]

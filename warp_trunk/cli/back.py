@@ -60,7 +60,7 @@ class FitBack:
         size = MILLIMETRES[self.units]
         with Progress() as progress:
             with progress.stage("load", f"reading {self.back}"):
-                points, colours = read_back(self.back)
+                points, colours = read_back(self.back, size)
                 spine = read_patient_spine(self.spine, size)
                 table = read_landmarks(self.markers)
                 markers = Landmarks(table.names, table.points * size)
@@ -71,9 +71,7 @@ class FitBack:
                     body = atlas_body(read_surface(self.atlas / "skin.ply"), bones, self.atlas.resolve().name)
             with progress.stage("fit", "fitting a body to the scan"):
                 files = str(self.back), str(self.spine), str(self.markers)
-                fit = fit_back(
-                    points * size, spine, markers, body, self.out.resolve().name, colours=colours, files=files
-                )
+                fit = fit_back(points, spine, markers, body, self.out.resolve().name, colours=colours, files=files)
             with progress.stage("write", f"writing {self.out}"):
                 from warp_trunk.report.fit_picture import fit_picture  # brings matplotlib
 

@@ -22,7 +22,7 @@ from warp_trunk.io.file_access import read_text
 from warp_trunk.io.folders import make_writable
 from warp_trunk.io.point_files import read_points
 from warp_trunk.io.result_files import PREDICTED_SKIN, SUMMARY
-from warp_trunk.io.surface_files import read_surface, surface_files
+from warp_trunk.io.surface_files import in_lps, read_stated, read_surface, surface_files
 from warp_trunk.measures.back import measure_back
 from warp_trunk.results import Result, read_result, read_summary
 from warp_trunk.results.judgement import judged, write_measures
@@ -87,10 +87,8 @@ class Measure:
                 raise InputError(f"--{name}: does not go with --spine, which measures a back alone; leave one out")
         size = MILLIMETRES[self.units]
         with Progress() as progress, progress.stage("measure", f"measuring {file}"):
-            back, line = _read_back(file), _read_spine(spine)
+            back, line = _read_back(file, size), _read_spine(spine, size)
             markers = None if self.markers is None else read_landmarks(self.markers, units=self.units)
-            back = Surface(size * back.vertices, back.faces) if isinstance(back, Surface) else size * back
-            line = Landmarks(line.names, size * line.points) if isinstance(line, Landmarks) else size * line
             measures = measure_back(back, line, markers)
         print(measures.text())
         words = {"back": file.name, "pelvis": measures.pelvis, "spine": measures.spine}
@@ -105,19 +103,23 @@ class Measure:
         return OK
 
 
-def _read_back(file: Path) -> Surface | np.ndarray:
-    """An open surface, or points where the file has no triangles."""
+def _read_back(file: Path, size: float) -> Surface | np.ndarray:
+    """An open surface [mm], or points where the file has no triangles, of a file in units of so many mm."""
     try:
-        return read_surface(file)
+        surface = in_lps(*read_stated(file, size))
+        return surface.moved(size * surface.vertices)
     except InputError:
-        return read_points(file)  # its error names the fault where there are no points
+        return read_points(file, size)  # its error names the fault where there are no points
 
 
-def _read_spine(path: Path) -> Landmarks | np.ndarray:
-    """Landmarks where the points have names, else the points of a line."""
+def _read_spine(path: Path, size: float) -> Landmarks | np.ndarray:
+    """Landmarks where the points have names, else the points of a line [mm], of a file in units of so many mm."""
     titles = read_text(path, "a line (x,y,z) or landmarks (name,x,y,z) of the spine were expected").split("\n")[0]
     named = path.suffix.lower() in (".json", ".fcsv") or "name" in titles.lower()
-    return read_landmarks(path) if named else read_points(path)
+    if not named:
+        return read_points(path, size)
+    marks = read_landmarks(path)
+    return Landmarks(marks.names, size * marks.points)
 
 
 def skin_file(path: Path, *, finished: bool) -> Path:

@@ -242,7 +242,7 @@ class Cut:
         size, file = MILLIMETRES[header.units], files[self.bone]
         x, y, z, a, b, c = self.plane
         plane = CutPlane((x / size, y / size, z / size), (a, b, c), self.radius / size)
-        surface, space = read_stated(file, header.units)
+        surface, space = read_stated(file, size)
         if header.axes == "LPS" and space is not None:  # the header holds, and the plane is in LPS
             surface, space = in_lps(surface, space), "LPS"
         parts = cut_bone(surface, plane, str(file))

@@ -15,25 +15,29 @@ from .file_access import MOST_SURFACE, FormatError, check_file, parsed_number, p
 from .surface_files.ply import ply_colours, ply_columns
 from .surface_files.polygons import read_obj
 from .surface_files.space import stated_space
-from .surface_files.surface_reader import ENDINGS, cure_of, parse_surface
+from .surface_files.surface_reader import ENDINGS, cure_of, in_unit, parse_surface
 
 _TEXT = (".xyz", ".csv", ".txt", ".asc", ".pts")
 
 
-def read_points(path: str | Path) -> np.ndarray:
+def read_points(path: str | Path, size: float = 1.0) -> np.ndarray:
     """The points of a scan as `read_back`, without their colours."""
-    return read_back(path)[0]
+    return read_back(path, size)[0]
 
 
-def read_back(path: str | Path) -> tuple[np.ndarray, np.ndarray | None]:
-    """The points of a scan, shape (n, 3) float64, in the numbers of the file; LPS where its
-    header says SPACE=RAS. And their colours where it has some, shape (n, 3), uint8.
+def read_back(path: str | Path, size: float = 1.0) -> tuple[np.ndarray, np.ndarray | None]:
+    """The points of a scan in mm, shape (n, 3) float64; LPS where its header says SPACE=RAS. And their colours
+    where it has some, shape (n, 3), uint8.
 
     Text holds x, y and z in the columns that its titles name, or in the first three, split by blanks, commas or
     semicolons; decimal commas are read where something else splits the columns. Other columns are passed over, and
     so are rows of a single number (the count of PTS) and points whose coordinates are all NaN (of organised
     clouds). Of a surface the vertices are taken, and the middles of its triangles; they have colours as
     `read_surface` has.
+
+    Args:
+        path: of the file.
+        size: mm in its unit; a GLB in metres states its own.
 
     Raises:
         InputError: the file is missing, too large or cannot be read, or a number is not finite.
@@ -49,6 +53,7 @@ def read_back(path: str | Path) -> tuple[np.ndarray, np.ndarray | None]:
         points, colours = _parsed(ending, content, path)
         if ending in ENDINGS and stated_space(ending, content) == "RAS":
             points *= (-1.0, -1.0, 1.0)
+    points = size * in_unit(ending, points, size)
     seen = ~np.isnan(points).all(axis=1)  # organised clouds have a row of NaN for each pixel without a point
     points, colours = points[seen], None if colours is None else colours[seen]
     if not len(points):

@@ -14,6 +14,8 @@ EFFECTS = "effects.npz"
 """Effects of the errors on the numbers of a result with bands, by which plans are compared."""
 PLAN, MOST_PLAN = "plan.toml", 1_000_000
 """The plan that made a result or a case, in its folder, and the largest size of one [bytes]."""
+MOTIONS = "motions.toml"
+"""The motions of bones that made a result or are of a case, in its folder."""
 PAGE, PICTURES = "report.html", "report"
 """Files that `report` writes: a page, and a folder of pictures."""
 MEASURES = f"{Path(PREDICTED_SKIN).stem}_measures"

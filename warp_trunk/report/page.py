@@ -123,6 +123,7 @@ def _of_run(result: Result, poses: Sequence[TrunkState]) -> dict[str, Any]:
     return {
         "summary": summary,
         "plan": result.plan_text,
+        "motions": result.motions_text if result.motions else "",
         "converged": result.converged,
         "reason": status.sentence[:1].upper() + status.sentence[1:],
         "poses": len(poses),

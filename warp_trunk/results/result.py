@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from functools import partial as bound
 from pathlib import Path
@@ -15,6 +15,7 @@ import numpy as np
 from warp_trunk.bone_motion.plan import Plan, plan_in
 from warp_trunk.case.folders import refuse_case
 from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks, read_landmarks, write_landmarks
+from warp_trunk.case.motions import Motion, motions_text, read_motions
 from warp_trunk.checking import checked
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.trunk_mesh import TrunkMesh
@@ -30,6 +31,7 @@ from warp_trunk.io.result_files import (
     LANDMARKS_BEFORE,
     MEASURES,
     MOST_PLAN,
+    MOTIONS,
     PAGE,
     PICTURES,
     PLAN,
@@ -99,6 +101,8 @@ class Result:
     """Effects of the errors on its numbers; None without bands."""
     plan_text: str | None = None
     """The plan.toml that made it; None where no plan did."""
+    motions: Mapping[str, Motion] = field(default_factory=dict)
+    """The motions of bones that made it, by their names, in LPS and mm; none where a plan did."""
     saved_in: Path | None = None
     """Its result folder; None before `save`."""
     recording: Path | None = None
@@ -143,13 +147,18 @@ class Result:
 
     @property
     def fingerprint(self) -> str:
-        """A short name of exactly this plan and prediction, for a sheet that is signed: it changes with the plan,
-        the landmarks before and after, and the predicted skin."""
+        """A short name of exactly this plan and prediction, for a sheet that is signed: it changes with the plan
+        or the motions, the landmarks before and after, and the predicted skin."""
         marks, skins = (self.landmarks_before, self.landmarks_after), (self.skin_before, self.skin)
         points = [np.round(points_of.points, 3) for points_of in marks]  # as their files have them
         points += [np.round(skin.vertices, 3).astype(np.float32) for skin in skins]
-        name = digest(self.plan_text or "", *points)
+        name = digest(self.plan_text or "", *([self.motions_text] if self.motions else []), *points)
         return "-".join(name[first : first + 4] for first in (0, 4, 8))
+
+    @property
+    def motions_text(self) -> str:
+        """The text of its motions.toml."""
+        return motions_text(self.motions)
 
     @cached_property
     def table(self) -> MeasureTable:
@@ -202,8 +211,8 @@ class Result:
 
         It holds `skin_before.ply` and `predicted_skin.ply` (the same vertices and faces), `actual_skin.ply` where
         the case has one, `landmarks_before.csv`, `landmarks_after.csv`, `sections.npz`, `trunk.vtu`,
-        `summary.json`, the recording, `skin_sd.csv` and `effects.npz` where there are bands, and `plan.toml` where
-        a plan made the case.
+        `summary.json`, the recording, `skin_sd.csv` and `effects.npz` where there are bands, and the
+        `plan.toml` or `motions.toml` that made the case.
 
         Every file is written under another name and moved when all are complete, summary.json last: a folder that
         has a summary is complete. What an earlier simulation left in the same folder is removed, also the report
@@ -251,6 +260,7 @@ def write_result(folder: Path, result: Result) -> None:
         LANDMARKS_BEFORE: (write_landmarks, before if before.names else None),
         LANDMARKS_AFTER: (write_landmarks, after if after.names else None),
         PLAN: (_write_text, result.plan_text),
+        MOTIONS: (_write_text, result.motions_text if result.motions else None),
         SKIN_SD: (write_skin_sd, result.skin_sd),
         UNSEEN_SKIN: (write_skin_sd, result.unseen),
         EFFECTS: (write_effects, result.effects),
@@ -313,7 +323,7 @@ def read_result(folder: str | Path) -> Result:
     if planned.names != reached.names:
         rule = f"its names must be those of {LANDMARKS_BEFORE}, in their order"
         raise InputError(f"{folder / LANDMARKS_AFTER}: {rule}; {SIMULATE_AGAIN}")
-    plan, recording = folder / PLAN, folder / RECORDING
+    plan, motions, recording = folder / PLAN, folder / MOTIONS, folder / RECORDING
     return Result(
         skin_before=before,
         skin=after,
@@ -329,6 +339,7 @@ def read_result(folder: str | Path) -> Result:
         skin_sd=None if summary.bands is None else read_skin_sd(folder / SKIN_SD, len(after.vertices)),
         effects=None if summary.bands is None else read_effects(folder / EFFECTS, len(after.vertices)),
         plan_text=read_text(plan, "the plan of a result", MOST_PLAN) if plan.is_file() else None,
+        motions=read_motions(motions) if motions.is_file() else {},
         saved_in=folder,
         recording=recording if recording.is_file() else None,
     )

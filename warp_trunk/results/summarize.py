@@ -145,6 +145,7 @@ def result_of(
         unseen=None if case.unseen is None else case.unseen.astype(np.float64),
         effects=None if intervals is None else intervals.effects,
         plan_text=case.plan_text,
+        motions=case.motions,
         recording=run.recording,
     )
 

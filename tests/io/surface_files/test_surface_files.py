@@ -12,6 +12,7 @@ from trimesh.visual import ColorVisuals, TextureVisuals
 from support.audited import audited
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.point_files import read_points
 from warp_trunk.io.surface_files import read_stated, read_surface, write_surface
 
 VTK_FILES = sorted((Path(__file__).parents[2] / "support" / "vtk_files").iterdir())
@@ -293,7 +294,11 @@ def test_a_glb_in_metres_as_gltf_has_them_is_read_in_mm(tmp_path):
     of_nodes(trimesh.Trimesh(PYRAMID.vertices / 1000.0, PYRAMID.faces), a=np.eye(4)).export(tmp_path / "a.glb")
     extent = np.ptp(read_surface(tmp_path / "a.glb").vertices, axis=0)
     np.testing.assert_allclose(extent, [10, 10, 10.1], atol=1e-4)
-    assert np.ptp(read_stated(tmp_path / "a.glb", "m")[0].vertices, axis=0).max() < 0.02  # case.toml states it
+    for size in (1.0, 10.0, 25.4, 1000.0):  # the unit of files that state none
+        said = read_stated(tmp_path / "a.glb", size)[0].vertices
+        np.testing.assert_allclose(size * np.ptp(said, axis=0), [10, 10, 10.1], atol=1e-4)
+        points = read_points(tmp_path / "a.glb", size)
+        np.testing.assert_allclose(np.ptp(points, axis=0), [10, 10, 10.1], atol=1e-4)
 
 
 @pytest.mark.parametrize(

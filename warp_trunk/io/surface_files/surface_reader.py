@@ -96,10 +96,12 @@ def in_lps(surface: Surface, space: str | None) -> Surface:
     return surface.moved(surface.vertices * (-1.0, -1.0, 1.0)) if space == "RAS" else surface
 
 
-def read_stated(path: Path, units: str = "mm") -> tuple[Surface, str | None]:
-    """A surface as it stands in its file, and the axes that the file states; InputError as `read_surface`.
+def read_stated(path: Path, size: float = 1.0) -> tuple[Surface, str | None]:
+    """A surface in a unit of so many mm, and the axes that the file states; InputError as `read_surface`.
 
-    A GLB in metres is converted where the units are said to be mm, the units of a file without others.
+    Args:
+        path: of the file.
+        size: mm in the unit of files that state none; a GLB in metres is converted to it.
     """
     kinds = ", ".join(sorted(ENDINGS))
     ending, expected = path.suffix.lower(), f"a surface file ({kinds}) was expected"
@@ -112,10 +114,16 @@ def read_stated(path: Path, units: str = "mm") -> tuple[Surface, str | None]:
     with parsing(path, "a surface", len(content)):
         surface = parse_surface(ending, content, path)
         space = stated_space(ending, content)
-    if ending == ".glb" and units == "mm" and np.ptp(surface.vertices, axis=0).max(initial=0.0) < _LARGEST_BODY:
-        surface = surface.moved(1000.0 * surface.vertices)
+    surface = surface.moved(in_unit(ending, surface.vertices, size))
     check_surface(surface, str(path))
     return surface, space
+
+
+def in_unit(ending: str, vertices: np.ndarray, size: float) -> np.ndarray:
+    """The vertices of a file in a unit of so many mm: those of a GLB are in metres, as glTF has it, where they
+    reach over less than a body does in mm."""
+    metres = ending == ".glb" and np.ptp(vertices, axis=0).max(initial=0.0) < _LARGEST_BODY
+    return 1000.0 / size * vertices if metres else vertices
 
 
 def parse_surface(ending: str, content: bytes, path: Path | None = None) -> Surface:

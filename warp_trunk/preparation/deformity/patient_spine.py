@@ -58,7 +58,7 @@ def read_patient_spine(path: str | Path, size: float = 1.0) -> PatientSpine:
     path = Path(path)
     titles = read_text(path, "a line (x,y,z) or named points (name,x,y,z) of the spine were expected")[:200]
     if "name" not in titles.split("\n")[0].lower() and path.suffix.lower() not in (".json", ".fcsv"):
-        return spine_line(read_points(path) * size, str(path))
+        return spine_line(read_points(path, size), str(path))
     marks = read_landmarks(path)
     return spine_of_marks(Landmarks(marks.names, marks.points * size), str(path))
 
