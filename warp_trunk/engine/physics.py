@@ -1,4 +1,4 @@
-"""What the energy of a trunk is made of, beside its tissues."""
+"""The energy of a trunk, its skin and gravity: all of its physics but the tissues."""
 
 from __future__ import annotations
 

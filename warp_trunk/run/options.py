@@ -122,7 +122,7 @@ class RunOptions:
 
     @property
     def physics(self) -> Physics:
-        """What the energy of a trunk is made of."""
+        """The energy, the skin and gravity of these options."""
         return Physics(
             energy=self.energy_of_tissue,
             weights=self.weights,
