@@ -20,9 +20,8 @@ from support.chromium import CHROMIUM, WEBGL, needs_chromium
 from support.report_results import write_small_result
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.io.surface_files import read_surface, write_surface
-from warp_trunk.report.dressing import dressed
 from warp_trunk.report.skin_pictures import looks
-from warp_trunk.report.style import TrunkState
+from warp_trunk.report.style import TrunkState, dressed
 from warp_trunk.report.turning import TurningState, script, turning
 from warp_trunk.report.writing import poses_of, write_report
 from warp_trunk.results import read_result

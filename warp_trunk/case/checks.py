@@ -23,7 +23,7 @@ from .axes import MILLIMETRES, check_axes, exchanged_pairs, fitting, misplaced, 
 from .landmark_checks import check_frame, check_motion, check_on_bones, check_order, check_shapes
 from .landmarks import ASIS, VERTEBRA_POINTS, Landmarks, bone_of
 from .motion_checks import check_motions
-from .point_checks import check_points
+from .points import SKIN
 from .skin_checks import arm_warnings, check_second_skin
 
 if TYPE_CHECKING:
@@ -309,3 +309,28 @@ def _check_bones_after(case: Case, source: CaseSource) -> None:
         if not residual <= MOST_BENT:
             far = f"is {residual:.1f} mm from the bone before moved rigidly (root mean square)"
             raise InputError(f"{file}: {far}, {MOST_BENT:g} mm is allowed; {same}")
+
+
+_POINT_OFF = 5.0
+"""Largest distance of a followed point from its surface [mm]."""
+
+
+def check_points(case: Case, where: str) -> None:
+    """Check that points lie on the skin or a bone, and that each pair is a point on the skin and one on bone.
+
+    Raises:
+        InputError: the first point or pair that violates this.
+    """
+    names, pairs = case.points.marks.names, case.points.pairs
+    owners = dict(zip(names, case.point_owners, strict=True))
+    for name, (owner, off) in owners.items():
+        if off > _POINT_OFF:
+            far = f"'{name}' is {off:.1f} mm from {owner}, the nearest surface, {_POINT_OFF:g} mm is allowed"
+            raise InputError(f"{where}: {far}; place it on the skin or on a bone")
+    for name, other in pairs.items():
+        if other not in owners:
+            raise InputError(f"{where}: '{name}' names '{other}', which is not among the points; add or rename it")
+        soft, hard = owners[name][0], owners[other][0]
+        if soft != SKIN or hard == SKIN:
+            places = f"'{name}' lies on {soft} and '{other}' on {hard}"
+            raise InputError(f"{where}: {places}; compare a point on the skin with one on a bone")

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures, quantities
 from warp_trunk.measures.quantities import Measured, MeasureTable
+from warp_trunk.views.clothing import cloth_of, soft, softened
 
 if TYPE_CHECKING:
     import numpy as np
@@ -120,6 +121,20 @@ class Worn:
     """Its skin, the edges of cuts rounded [mm]; same vertices."""
     cloth: np.ndarray
     """Shorts and shirt over it (`cloth_of`) [mm], shape (rows, columns, 3)."""
+
+
+def dressed(poses: Sequence[TrunkState]) -> list[TrunkState]:
+    """States of one trunk with their clothes; the first is before surgery, and all with its triangles are rounded
+    where it is."""
+    part, clothed = soft(poses[0].skin), []
+    for pose in poses:
+        if pose.worn is not None:
+            clothed.append(pose)
+            continue
+        same = len(pose.skin.vertices) == len(part)
+        skin = softened(pose.skin, part if same else soft(pose.skin))
+        clothed.append(replace(pose, worn=Worn(skin, cloth_of(skin, pose.landmarks))))
+    return clothed
 
 
 def new_figure(width: float, height: float, layout: Literal["constrained"] | None = None) -> Figure:

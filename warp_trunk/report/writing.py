@@ -28,14 +28,13 @@ from warp_trunk.views.hump import hump_on_vertices, painted_difference
 from warp_trunk.views.relief import BEHIND, FRONT, RIGHT, Viewpoint, in_pelvis
 
 from . import skin_pictures as skins
-from .dressing import dressed
 from .page import page, part_page, skin_areas
 from .part_pictures import change_sections, changed_views, frame_of
 from .plans import check_plans, plan_poses, plans_page, plans_table
 from .plots import convergence_plot, rotation_plot, section_plots
 from .skin_pictures import hump_picture
 from .spine_pictures import spine_picture
-from .style import ACTUAL, BEFORE, BETTER, PREDICTED, RC, WORSE, TrunkState, embedded, file_of
+from .style import ACTUAL, BEFORE, BETTER, PREDICTED, RC, WORSE, TrunkState, dressed, embedded, file_of
 from .turning import Turning, TurningState, turning
 
 PLANS_PAGE, PLANS_PICTURES = "plans.html", "plans"
