@@ -321,6 +321,7 @@ def foreign(path, trunk, **change):
         ({"data": lambda t: {"bone": np.zeros(len(t.nodes))}}, "no node lies on bone"),
         ({"data": lambda t: {"bone": np.ones(len(t.nodes))}}, "every node lies on bone"),
         ({"cells": lambda t: [("triangle", t.tets[:, :3])]}, "not no solid cells"),
+        ({"cells": lambda t: [("tetra", np.repeat(t.tets, 2, axis=0))]}, "leave no skin"),
         ({"cells": lambda t: [("tetra", t.tets), ("wedge", t.tets[:2, [0, 1, 2, 3, 0, 1]])]}, "not tetra, wedge"),
         ({"data": lambda t: {"bone": np.where(t.nodes[:, 2] > 400, 0, -1)}}, "bone"),
     ],

@@ -73,6 +73,8 @@ def _trunk(path: Path, mesh: Any, bones: Mapping[str, Surface]) -> TrunkMesh:
         raise InputError(f"{path}: every node lies on bone, and nothing is left to relax; tag those on bone alone")
 
     boundary = _boundary(tets)
+    if not len(boundary):
+        raise InputError(f"{path}: tetrahedra share every triangle and leave no skin; write each of them once")
     of_bone = _of_bone(nodes, boundary, on_bone)
     skin_nodes, faces = np.unique(boundary[~of_bone], return_inverse=True)
     names = tuple(bones)
