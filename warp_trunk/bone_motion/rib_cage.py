@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.case.anatomy import SIDES, rib_of
+from warp_trunk.case.anatomy import SIDES, TRUE_RIBS, rib_of
 from warp_trunk.geometry.rigid import NamedMotions, RigidMotion, cross_matrix, nearest_rotation, rotated
 
 if TYPE_CHECKING:
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from .vertebra_motion import Vertebrae
 
-_TRUE_RIBS = 7
-"""Ribs down to this one reach the sternum."""
 _LOWEST = 12
 """The lowest rib, which nothing ties to the sternum: the tilt of ribs below the true ones grows towards it."""
 _UNDER_SCAPULA = range(2, 8)
@@ -92,7 +90,7 @@ class RibCage:
         """Where each meets its vertebra, and its front end [mm], shape (ribs, 3) each."""
         self.depth = float(np.linalg.norm(self.tip - self.head, axis=1).max(initial=0.0)) or 1.0
         """Of the cage: the longest way from the head of a rib to its front end [mm]."""
-        true = np.flatnonzero(self.number <= _TRUE_RIBS)
+        true = np.flatnonzero(self.number <= TRUE_RIBS)
         sternum = bones["sternum"].vertices if "sternum" in bones else np.empty((0, 3))
         self.reaching = true if len(sternum) else true[:0]
         """Rows of the ribs that reach the sternum."""
@@ -199,8 +197,8 @@ def _turned(
     lag = -np.arcsin(np.clip((1.0 - coupling.shift) * vertebra.shift / depth, -1.0, 1.0))
     with_curve, transfer = vertebra.axial_rotation - vertebra.derotation, coupling.derotation_transfer
     turn = coupling.reversible_part * coupling.axial_rotation * with_curve + transfer * vertebra.derotation + lag
-    below = np.maximum(0.0, (number - _TRUE_RIBS) / (_LOWEST - _TRUE_RIBS)) * (not growing)
-    above = np.maximum(0.0, (_TRUE_RIBS - number) / (_TRUE_RIBS - 1)) * (not growing)
+    below = np.maximum(0.0, (number - TRUE_RIBS) / (_LOWEST - TRUE_RIBS)) * (not growing)
+    above = np.maximum(0.0, (TRUE_RIBS - number) / (TRUE_RIBS - 1)) * (not growing)
     bending = coupling.reversible_part * coupling.lateral_bending
     bending = bending + below * coupling.floating + above * coupling.upper
     rotation = vertebra.share(axial_rotation=turn, lateral_bending=bending)

@@ -15,6 +15,8 @@ THORACIC = tuple(f"T{number}" for number in range(1, 13))
 LUMBAR = tuple(f"L{number}" for number in range(1, 6))
 VERTEBRAE = (*THORACIC, *LUMBAR)
 """Thoracic and lumbar vertebrae from the top down."""
+TRUE_RIBS = 7
+"""Ribs down to this one reach the sternum by a cartilage of their own."""
 HIPS = ("hip_left", "hip_right")
 PELVIC_RING = (*HIPS, "sacrum")
 """Bones that no operation on the spine moves against each other."""

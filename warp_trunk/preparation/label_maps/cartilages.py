@@ -6,6 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from warp_trunk.case.anatomy import TRUE_RIBS
+
 from .mask import Mask, depth, factors_below, reduced
 
 _BLOCK = 2.0
@@ -14,10 +16,8 @@ _REACHES = 6.0
 """A bone that is farther than this from the label does not meet it [mm]."""
 _END = 1.5
 """The meeting place reaches this much farther from a bone than the nearest voxel of the label [mm]."""
-_TRUE_RIBS = 7
-"""The cartilages of the ribs down to this one reach the sternum; each of the next three joins the one above."""
 _FALSE_RIBS = 10
-"""The ribs below this one end free, in the muscle."""
+"""The cartilages of ribs below the true ones and down to this one join the one above; lower ribs end free."""
 _WIDE = 5.0
 """Half of the width of a cartilage [mm]: deeper than this under the border of the label all steps cost alike."""
 _LEAST_WAY = 5.0
@@ -50,7 +50,7 @@ def split_cartilages(label: Mask, ribs: Mapping[str, Mask], sternum: Mask) -> tu
     for name in sorted(name for name in ribs if int(name[-2:]) <= _FALSE_RIBS):
         taken, joined = graph.near(np.concatenate([goal[:0], *ways.values()]))
         way = graph.way(graph.meeting(ribs[name], _END), goal, taken)
-        if int(name[-2:]) > _TRUE_RIBS:
+        if int(name[-2:]) > TRUE_RIBS:
             way = way[: int(np.argmax(joined[way]))] if joined[way].any() else way
             if np.linalg.norm(np.diff(graph.points[way], axis=0), axis=1).sum() <= _LEAST_WAY:
                 continue
