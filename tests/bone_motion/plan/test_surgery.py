@@ -271,6 +271,14 @@ def test_t1_leans_to_the_curve_that_is_left(side: float, lean: float) -> None:
     assert plumb(after)[0] == pytest.approx(0.1 * plumb(before)[0] + side * 0.65 * 16.0, abs=0.1)
 
 
+def test_t1_does_not_lean_to_a_curve_that_begins_below_the_fusion() -> None:
+    """A lumbosacral curve of 20 degrees under a thoracolumbar one that is fused to L3."""
+    before = known_spine(to_left={"T1": 0.0, "T9": -25.0, "L4": 25.0, "L5": 5.0})
+    plan = Plan(uiv="T9", liv="L3", curves=(CurvePlan(apex="L1", correction=0.6),))
+    after = plan_surgery(case_of(before), plan).landmarks_after
+    assert plumb(after)[0] == pytest.approx(0.1 * plumb(before)[0], abs=0.1)
+
+
 def test_posture_changes_with_the_correction() -> None:
     """With a quarter of the curve corrected T1 goes half the way; where nothing is to follow it stays."""
     before = case(None, None).landmarks_before
