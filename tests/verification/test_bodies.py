@@ -40,7 +40,7 @@ def test_the_tissue_finds_its_equilibrium_without_inverted_tetrahedra(outcome: O
 
 
 def test_the_hump_decreases_as_in_patients(outcome: Outcome) -> None:
-    """0.58 of the decrease of the Cobb angle (Mattila 2013), within 0.15: bodies scatter by 0.12 (docs/bodies.md)."""
+    """0.58 of the decrease of the Cobb angle (Mattila 2013), within 0.15; bodies scatter by 0.12 (bodies.md)."""
     assert outcome.hump_over_cobb == pytest.approx(0.58, abs=0.15)
 
 
