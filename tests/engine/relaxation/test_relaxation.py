@@ -223,6 +223,14 @@ def test_inverts_nothing_and_stops_at_its_bound() -> None:
     assert not (after & ~before).any()
 
 
+def test_what_is_done_meanwhile_is_done_once_in_a_relaxation() -> None:
+    relaxer, calls = Relaxer(model_of(TRUNK)), list[int]()
+    relaxer.state.set_displacement(held_turned(TRUNK, 20.0))
+    ended = relaxer.relax(0.01, meanwhile=lambda: calls.append(relaxer.work.evaluations if relaxer.work else 0))
+    assert ended.steps > 1
+    assert calls == [1]  # beside the first solve, before any trial
+
+
 def test_a_spectral_length_is_the_newton_step_of_a_constant_curvature() -> None:
     """E = 3/2 x^2 from x = 1, whose gradient is 3, by a step of 0.1: the next one leads to the minimum."""
     products = Products(slope=2.1 * -3.0, previous_slope=-9.0, direction_squared=9.0)
