@@ -16,7 +16,7 @@ from .line_search import Trial
 from .linear import BlockMatrix, ConjugateGradient, zero_dots
 from .multigrid import Multigrid
 from .outcome import LinearSolution
-from .parallel import Readback, nothing
+from .parallel import nothing
 from .policy import PlannedSolve
 from .state import MatrixState, ProductReader, Products, State, longest
 
@@ -47,16 +47,9 @@ class Work:
         self.solver = ConjugateGradient(self.matrix, self.preconditioner, state.gradient)
         self.direction = self.solver.solution
         self.certificate = Certificate(self.matrix, self.solver, self.preconditioner.groups.members)
-        self._record_curvature()
+        self._curved, self._product = state.model.free_vectors(), state.model.free_vectors()
+        self._multiply = self.matrix.multiply(self._curved, self._product, zero_dots(state.model))
         self._record_trial()
-
-    def _record_curvature(self) -> None:
-        """v . H v with the matrix as it is."""
-        model, curvature = self.state.model, zero_dots(self.state.model)
-        self._curved = model.free_vectors()
-        self._multiply = self.matrix.multiply(self._curved, model.free_vectors(), curvature)
-        self._curvature = Readback(model.parallel, curvature.products)
-        self._clear_curvature = curvature.products.zero_
 
     def _record_trial(self) -> None:
         """A point along the direction."""
@@ -110,10 +103,8 @@ class Work:
     def curvature(self, along: np.ndarray) -> float:
         """v . H v with the matrix as it is [energy's unit], for v of shape (free nodes, 3) [mm]."""
         self._curved.assign(along)
-        self._clear_curvature()
         self._multiply()
-        self._curvature.send()
-        return float(self._curvature.read().sum())
+        return float(np.vdot(along.astype(np.float64), self._product.numpy()))
 
     def descend(self, down: np.ndarray, reach: float, *, on: bool) -> None:
         """Sets the direction to one of negative curvature, downwards, so far [mm]; `on` from the solution."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from support.meshes import block
-from support.models import evaluated, held_turned, model_of
+from support.models import evaluated, held_turned, model_of, on_host
 from warp_trunk.engine.linear import BlockMatrix
 from warp_trunk.engine.state import MatrixState
 from warp_trunk.engine.work import Work
@@ -76,6 +76,15 @@ def test_rounding_is_that_of_the_largest_displacement_of_the_state(threads: int)
     work.accept()
     assert wanted() > 170.0 * 10.0 * np.finfo(float).eps
     assert state.rounding() == pytest.approx(wanted(), rel=1e-12)
+
+
+@pytest.mark.parametrize("true", [False, True])
+def test_curvature_is_that_of_the_whole_matrix(true: bool) -> None:
+    work = work_at(25.0)
+    work.assemble(true=true)
+    along = np.random.default_rng(3).normal(size=(work.state.model.free_nodes, 3))
+    wanted = along.ravel() @ (on_host(work.matrix) @ along.ravel())
+    assert work.curvature(along) == pytest.approx(wanted, rel=1e-10)
 
 
 def test_an_assembly_that_is_interrupted_leaves_no_hessian_that_holds() -> None:

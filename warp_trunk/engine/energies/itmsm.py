@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import warp as wp
@@ -15,10 +14,11 @@ from warp_trunk.kernels.itmsm import AREA, DISTANCE, GRAVITY, VOLUME, itmsm_kern
 
 from ..rest_mesh import RestMesh
 from ..topology import EDGES, FACES, edges_shared, faces_shared
+from .energy import TetEnergy
 
 
-@dataclass(frozen=True)
-class Itmsm:
+@dataclass(frozen=True, kw_only=True)
+class Itmsm(TetEnergy):
     """Rest measures and weights of every tetrahedron on the device; the energy is in units of k_D / 2."""
 
     unit: ClassVar[str] = "k_D / 2"
@@ -27,45 +27,20 @@ class Itmsm:
     """The column of the sums of each term."""
     rights_inverted: ClassVar[bool] = False
     """Edges and faces are at rest in the mirror image, too."""
-    kernels: SimpleNamespace
-    """`gradient` and the Hessians of the terms that the scene uses."""
-    terms: tuple[str, ...]
-    """Names of those terms, as in Energy."""
     rest_edge: wp.array
     """Vectors from corner 0 to corners 1, 2, 3 at rest [mm], shape (tets, 3)."""
     rest_length: wp.array
     """Edge lengths at rest [mm], shape (tets,), vec6, order 01 02 03 12 13 23."""
     rest_area: wp.array
     """Face areas at rest [mm^2], shape (tets,), vec4, face k opposite corner k; empty without the term."""
-    rest_volume: wp.array
-    """Volumes at rest [mm^3], shape (tets,)."""
     edge_weight: wp.array
     """1 / |K_ij| of eq. 4.8 or by volume, times the tissue's relative stiffness, shape (tets,), vec6."""
     face_weight: wp.array
     """epsilon / |K_ijk| of eq. 4.9 or by volume, likewise, shape (tets,), vec4; empty without the term."""
     theta: wp.array
     """theta of eq. 4.6 or by volume, likewise, shape (tets,)."""
-    gravity_weight: wp.array
-    """Energy for each mm^3 of a tetrahedron and mm of height of a corner, alpha m_i / (M_0 H_0 V_T); as theta."""
     constants: Constants
-    """Those of eq. 4.6."""
-    gravity_at_rest: float
-    """The gravity term of the trunk at rest, which the displacement's part adds to."""
-    edges: float
-    """Number of edges."""
-    measures: Callable[[RestMesh], dict[str, wp.array]]
-    """Values of the arrays of these names for a rest state; the weights are those of the first."""
-    weights: Callable[[RestMesh, float], dict[str, np.ndarray]]
-    """Values of the arrays of these names for the tissues of a mesh; see `TetEnergy`."""
-
-    @property
-    def arrays(self) -> Any:
-        """Arrays of the tetrahedra for its kernels, after their corners."""
-        return self.kernels.bundle(self)
-
-    def per_millijoule(self, rest: RestMesh) -> float:
-        """2 / k_D, from Young's modulus; see `TetEnergy` and `k_d`."""
-        return 2e-3 / k_d(rest, self.edges)
+    """Those of eq. 4.6; a `gravity_weight` is alpha m_i / (M_0 H_0 V_T)."""
 
 
 def make_itmsm(rest: RestMesh, gravity: float, weights_by: str) -> Itmsm:
@@ -94,9 +69,9 @@ def make_itmsm(rest: RestMesh, gravity: float, weights_by: str) -> Itmsm:
         gravity_weight=rest.upload(weight["gravity_weight"], scalar),
         constants=constants_of(rest, gravity, shares.edges),
         gravity_at_rest=rest.height_energy(weight["gravity_weight"]),
-        edges=shares.edges,
         measures=partial(measures, area=used["area"]),
         weights=partial(weights, shares=shares),
+        per_millijoule=lambda mesh: 2e-3 / k_d(mesh, shares.edges),
     )
 
 
