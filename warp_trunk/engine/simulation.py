@@ -57,37 +57,22 @@ class SimulationOptions:
         check_fields(self, "simulation")
 
 
+@dataclass(frozen=True, eq=False)
 class Increment:
     """The trunk after one part of the correction, relaxed."""
 
+    relaxer: Relaxer
+    """The one that relaxed it last; it may have gone on to another state."""
     number: int
     """1 for the first."""
     load_factor: float
     """The part of the correction applied so far, in (0, 1]."""
+    relaxed: wp.array | np.ndarray
+    """Displacement from rest in model order, on the device or the host [mm], shape (nodes, 3)."""
     relaxation: Relaxation
     """How the relaxation ended."""
     seconds: float
     """Time of this increment [s]."""
-    relaxer: Relaxer
-    """The one that relaxed it last; it may have gone on to another state."""
-
-    def __init__(
-        self,
-        relaxer: Relaxer,
-        number: int,
-        load_factor: float,
-        from_rest: wp.array | np.ndarray,
-        relaxation: Relaxation,
-        *,
-        seconds: float,
-    ) -> None:
-        """An increment that was simulated, of `from_rest` on the device or the host."""
-        self.number = number
-        self.load_factor = load_factor
-        self.relaxation = relaxation
-        self.seconds = seconds
-        self.relaxer = relaxer
-        self._from_rest = from_rest
 
     @cached_property
     def displacement(self) -> np.ndarray:
@@ -101,7 +86,7 @@ class Increment:
     @takes_turns
     def from_rest(self) -> np.ndarray:
         """Displacement from rest in model order as the device has it [mm], shape (nodes, 3), in its precision."""
-        return self._from_rest if isinstance(self._from_rest, np.ndarray) else self._from_rest.numpy()
+        return self.relaxed if isinstance(self.relaxed, np.ndarray) else self.relaxed.numpy()
 
 
 def simulate(
@@ -158,9 +143,8 @@ def simulate(
                 user=user,
             )
         predictor.record(relaxation)
-        displacement = wp.clone(relaxer.state.displacement)
-        seconds = time.perf_counter() - start
-        return Increment(relaxer, number, load_factor, displacement, relaxation, seconds=seconds)
+        relaxed = wp.clone(relaxer.state.displacement)
+        return Increment(relaxer, number, load_factor, relaxed, relaxation, time.perf_counter() - start)
 
     for number in range(1, options.increments):
         yield relaxer.ownership.work(user, advance, number)
@@ -190,7 +174,7 @@ def continued(
         relaxation = relaxer.relax(watch=watch, confirm_inverted=confirm_inverted, user=user)
         return relaxation, wp.clone(relaxer.state.displacement)
 
-    relaxation, from_rest = relaxer.ownership.work(user, advance)
+    relaxation, relaxed = relaxer.ownership.work(user, advance)
     seconds, before = last.seconds + time.perf_counter() - start, last.relaxation
     relaxation = replace(
         relaxation,
@@ -200,7 +184,7 @@ def continued(
         history=before.history
         + tuple(replace(step, seconds=last.seconds + step.seconds) for step in relaxation.history),
     )
-    increment = Increment(relaxer, last.number, last.load_factor, from_rest, relaxation, seconds=seconds)
+    increment = Increment(relaxer, last.number, last.load_factor, relaxed, relaxation, seconds)
     return _in_float64(increment, bone_path, watch, confirm_inverted, message)
 
 

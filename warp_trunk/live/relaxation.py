@@ -189,7 +189,7 @@ class LiveRelaxation:
         """The prediction whose only increment is where the tissue is."""
         relaxer = self._patient.relaxer
         displacement = wp.clone(relaxer.state.displacement)
-        last = Increment(relaxer, 1, 1.0, displacement, relaxation, seconds=0.0)
+        last = Increment(relaxer, 1, 1.0, displacement, relaxation, 0.0)
         return Prediction(self._patient, self._case, self._path(), [last])
 
     def intervals(self) -> list[Measured]:
