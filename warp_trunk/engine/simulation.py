@@ -57,7 +57,7 @@ class SimulationOptions:
         check_fields(self, "simulation")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Increment:
     """The trunk after one part of the correction, relaxed."""
 
