@@ -29,6 +29,8 @@ _FAINTER = (0.75,)
 """Parts of `CREASE` that also count where the depth was smoothed."""
 _MOST_RAISED_SHARE = 0.4
 """A piece that is a larger part of a back than this does not stand on it."""
+_WEAK = 0.6
+"""A crease goes on where the skin bends by more than this part of what begins one."""
 _ROUNDS = 3
 _CLOSED = 3
 """Gaps in it narrower than twice as many cells are of it."""
@@ -173,7 +175,7 @@ def find_raised(grid: DepthGrid, aside: np.ndarray, error: float = 0.0, blur: fl
     skin, raised = np.zeros(near.shape, dtype=bool), np.zeros(near.shape, dtype=bool)
     # a crease that is interrupted over a short way, or that was smoothed, still ends a piece
     for least, narrow in product((1.0, *(_FAINTER if blur else ())), _NARROW):
-        part = (bend < least) & near & ~raised
+        part = ~_hysteresis(bend, _WEAK * least, least) & near & ~raised
         solid = part
         if narrow:
             solid = np.logical_and(ndimage.binary_erosion(part | ~near, iterations=narrow, border_value=1), near)
@@ -205,6 +207,17 @@ def find_raised(grid: DepthGrid, aside: np.ndarray, error: float = 0.0, blur: fl
     for _ in range(_ROUNDS - 1):  # skin beside the foot carries the bridge, too
         standing = replace(standing, skin=bridge(grid, near & ~standing.cells, reach))
     return standing
+
+
+def _hysteresis(values: np.ndarray, weak: float, strong: float) -> np.ndarray:
+    """Cells above a weak threshold that hang together with one above a strong one, bool (Canny 1986, IEEE Trans
+    Pattern Anal Mach Intell 8:679)."""
+    from scipy import ndimage
+
+    piece = np.empty(values.shape, dtype=np.int32)
+    ndimage.label(values >= weak, np.ones((3, 3)), output=piece)
+    strong_pieces = np.unique(piece[values >= strong])
+    return np.isin(piece, strong_pieces[strong_pieces > 0])
 
 
 def _dilated(cells: np.ndarray, times: int) -> np.ndarray:

@@ -14,6 +14,7 @@ from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.surface import Surface, area_vectors, unit
 from warp_trunk.geometry.surface_checks import crossings
+from warp_trunk.measures import measure_back
 from warp_trunk.measures.back_rotation import back_surface_rotation
 from warp_trunk.preparation.back_scan import fit_back
 from warp_trunk.preparation.back_scan.body import made_body
@@ -145,3 +146,68 @@ def test_landmarks_of_films_leave_less_to_invent(scan, whole):
     off = np.linalg.norm(marks.points - whole.landmarks_before.points, axis=1)
     assert off[["asis" not in name for name in marks.names]].mean() < 2.0
     assert not_none(fit.case.invented).vertebral_turn < 6.0
+
+
+LEFT, BACK = TURNED[:2, 0], TURNED[:2, 1]
+
+
+def beside_spine(points, line):
+    """How far points lie to the left of the spine [mm]."""
+    line = line[np.argsort(line[:, 2])]
+    return points[:, :2] @ LEFT - np.interp(points[:, 2], line[:, 2], line[:, :2] @ LEFT)
+
+
+def raised(scan, height):
+    """The points of a scan with something on the skin: its height by place beside the spine and below the top."""
+    points, spine, _ = scan
+    off = height(beside_spine(points, spine.line), points[:, 2].max() - points[:, 2])
+    return points + off[:, None] * np.append(BACK, 0.0)
+
+
+def plait(x, down):
+    return np.where(down < 180.0, 12.0 * np.sqrt(1.0 - np.minimum(np.abs(x) / 25.0, 1.0) ** 2), 0.0)
+
+
+def wall(points):
+    """A wall 300 mm in front of the back."""
+    across, up = np.meshgrid(np.arange(-800.0, 800.0, 7.0), np.arange(-300.0, 900.0, 7.0))
+    place = points.mean(axis=0) - np.append(300.0 * BACK, 300.0)
+    return place + across.reshape(-1, 1) * np.append(LEFT, 0.0) + up.reshape(-1, 1) * [0.0, 0.0, 1.0]
+
+
+STRAPS = {
+    "across": lambda x, down: 4.0 * (np.abs(down - 170.0) < 15.0),
+    "on one side": lambda x, down: 4.0 * ((np.abs(down - 170.0) < 15.0) & (x > 15.0)),
+    "aslant": lambda x, down: 4.0 * (np.abs(down - 170.0 + 0.3 * x) < 15.0),
+    "over a shoulder": lambda x, down: 5.0 * ((np.abs(x - 104.0 + 0.2 * down) < 8.0) & (down < 300.0)),
+}
+
+
+@pytest.fixture(scope="module")
+def bare(whole):
+    """The back alone."""
+    return cut_back(whole)
+
+
+@pytest.mark.parametrize("strap", STRAPS)
+def test_a_strap_turns_no_level(bare, strap):
+    """Each level is right within a degree, or left out because it depends on the skin under the strap."""
+    _, spine, markers = bare
+    truth, back = (measure_back(points, spine.line, markers) for points in (bare[0], raised(bare, STRAPS[strap])))
+    assert not_none(back.scan).stands
+    assert not not_none(truth.scan).stands
+    seen = [level for level, at in back.levels.items() if at and at.rotation is not None]
+    assert len(seen) >= 12
+    for level in seen:
+        assert not_none(back.levels[level]).rotation == pytest.approx(truth.levels[level].rotation, abs=1.0), level
+
+
+def test_a_back_with_a_plait_before_a_wall_is_fitted_as_it_is_without(bare, whole):
+    points = raised(bare, plait)
+    fit = fit_back(np.vstack([points, wall(points)]), *bare[1:])
+    marks = fit.case.landmarks_before
+    truth, of_fit = (back_surface_rotation(skin, marks) for skin in (whole.skin, fit.case.skin))
+    for level in VERTEBRAE:
+        assert not_none(of_fit[level]).angle == pytest.approx(not_none(truth[level]).angle, abs=1.0), level
+    assert np.abs(SurfaceDistance(whole.skin).at(fit.case.skin.vertices[fit.seen])).max() < 2.0
+    assert len(fit.left_out) > 20_000

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise, product
+from itertools import pairwise
 
 import numpy as np
 
@@ -177,32 +177,25 @@ def doubts_of_surface(bones: Mapping[str, Surface]) -> dict[str, str]:
 
 
 def doubts_of_ends(bones: Mapping[str, Surface]) -> dict[str, str]:
-    """Vertebrae that end flat where another bone does, at an end of all bones: the image cuts them off there."""
+    """Vertebrae that end flat where another bone does, above or below all bones: the image cuts them off there."""
     doubts = {}
-    for axis, sign in product(range(3), (1.0, -1.0)):
-        ends = {name: float((sign * bone.vertices[:, axis]).max()) for name, bone in bones.items()}
+    for sign in (1.0, -1.0):
+        ends = {name: float((sign * bone.vertices[:, 2]).max()) for name, bone in bones.items()}
         most = max(ends.values())
-        last = [
-            name
-            for name, end in ends.items()
-            if end > most - _IN_PLANE and _flat_share(bones[name], axis, sign) > _FLAT_SHARE
-        ]
-        cut = f"it ends flat at {'xyz'[axis]} = {sign * most:.0f} mm, as {{}} does: the image cuts it off"
-        if len(last) > 1:
-            doubts |= {
-                name: cut.format(next(other for other in last if other != name))
-                for name in last
-                if name in VERTEBRAE
-            }
+        last = [name for name, end in ends.items() if end > most - _IN_PLANE and _ends_flat(bones[name], sign)]
+        for name in last:
+            if name in VERTEBRAE and len(last) > 1:
+                other = next(other for other in last if other != name)
+                doubts[name] = f"it ends flat at z = {sign * most:.0f} mm, as {other} does: the image cuts it off"
     return doubts
 
 
-def _flat_share(bone: Surface, axis: int, sign: float) -> float:
-    """The share of a bone's area that lies in the plane across an axis where the bone ends."""
+def _ends_flat(bone: Surface, sign: float) -> bool:
+    """Whether a bone has an upper (1) or lower (-1) end in one horizontal plane."""
     area = np.linalg.norm(area_vectors(bone.vertices, bone.faces), axis=1)
-    heights = sign * bone.vertices[bone.faces][..., axis]
+    heights = sign * bone.vertices[bone.faces][..., 2]
     flat = (heights > heights.max() - _IN_PLANE).all(axis=1)
-    return float(area[flat].sum() / area.sum())
+    return bool(area[flat].sum() > _FLAT_SHARE * area.sum())
 
 
 def doubts_of_order(centres: Mapping[str, np.ndarray]) -> dict[str, str]:
