@@ -16,7 +16,7 @@ from support.asserting import forbid_meshing
 from support.phantoms import whole_phantom
 from support.small_case import palpated
 from support.small_trunk import curved_case, small_patient
-from warp_trunk.bone_motion.plan import read_plan
+from warp_trunk.bone_motion.plan import lenke_of, read_plan
 from warp_trunk.case import read_case, write_case
 from warp_trunk.case.anatomy import PELVIC_RING
 from warp_trunk.cli import main
@@ -62,6 +62,8 @@ def test_planned_folder_is_a_case_that_holds_its_plan(folder: Path, capsys: pyte
     np.testing.assert_allclose(t8["shift"], centres[1] - centres[0], atol=1e-9)
     assert re.search(r"Cobb angle T5 to T12 \[°\] +55 +19 ", said)
     assert f"warp-trunk simulate {folder / 'planned'}" in said
+    assert said.splitlines()[0] == f"Curve type: Lenke {lenke_of(planned)}"
+    assert lenke_of(planned).startswith("1")  # a main thoracic curve
 
 
 def test_an_older_plan_is_replaced_with_a_warning(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

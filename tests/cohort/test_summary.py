@@ -2,6 +2,9 @@
 
 import csv
 import json
+import re
+from dataclasses import replace
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -271,6 +274,20 @@ def test_the_page_of_a_cohort_has_its_numbers_and_names_what_does_not_count(tmp_
     ):
         assert text in page.words
     assert any("1.83 ± 0.24" in cell for cells in page.rows.values() for cell in cells)
+
+
+def test_every_sheet_of_a_cohort_names_it_its_day_and_its_numbers(tmp_path: Path) -> None:
+    """The fingerprint changes with any number, and stays without a change."""
+    sheets = []
+    for rows in (ROWS, ROWS, [replace(ROWS[0], measures=ROWS[0].measures[1:]), *ROWS[1:]]):
+        write_cohort(tmp_path / "study", rows)
+        page = (tmp_path / "study" / "cohort.html").read_text(encoding="utf-8")
+        (sheet,) = re.findall(r'@bottom-left \{ content: "([^"]*)"', page)
+        name, day, fingerprint = sheet.split(" · ")
+        assert (name, len(fingerprint)) == ("study", 14)
+        assert date.fromisoformat(day) <= date.today()
+        sheets.append(fingerprint)
+    assert sheets[0] == sheets[1] != sheets[2]
 
 
 def test_pictures_of_a_cohort_have_every_point_at_its_place_and_the_limits_of_agreement() -> None:

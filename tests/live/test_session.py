@@ -20,6 +20,8 @@ from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.live import relaxation
+from warp_trunk.live import session as session_of_page
+from warp_trunk.live.number_table import numbers_html
 from warp_trunk.live.relaxation import Interrupted, LiveRelaxation, Relaxed
 from warp_trunk.live.session import Latest, PlanView, Session
 from warp_trunk.live.sliders import (
@@ -271,6 +273,21 @@ def test_a_plan_that_is_relaxed_to_the_end_warns_as_a_simulation_does(
         view = session.settled({**session.corrected(20), KYPHOSIS: 50})
     assert [w for w in view.warnings if w.startswith("Kyphosis T5 to T12: ends at 50 degrees, 10 to 40 is normal")]
     assert [w for w in view.warnings if w.startswith("The predicted skin is stretched to more than")]
+
+
+@pytest.mark.parametrize("source", ["curve_warnings", "endplate_warnings", "flexibility_warnings"])
+def test_a_warning_of_the_plan_is_shown_from_its_image_on(
+    patient: PreparedPatient, source: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sentence = f"A sentence of {source}."
+    monkeypatch.setattr(session_of_page, source, lambda *_: [sentence])
+    with Heard(patient) as session:
+        view = session.settled(session.corrected(20))
+    assert sentence in view.warnings
+    images = [shown for shown, _ in session.told if shown is not None]
+    assert images
+    assert all(sentence in shown.warnings for shown in images)
+    assert f"<b>Look:</b> {sentence}" in numbers_html(patient.case, session.before, view, None)
 
 
 def test_the_latest_is_taken_and_the_end_wakes_who_waits() -> None:

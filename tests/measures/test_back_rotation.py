@@ -16,6 +16,7 @@ from warp_trunk.geometry.surface import Surface, compact
 from warp_trunk.io.surface_files import write_surface
 from warp_trunk.measures import measure, measure_back
 from warp_trunk.measures.back_rotation import (
+    HUMP_DEPENDS,
     ROUND,
     Contacts,
     DualTangent,
@@ -23,6 +24,7 @@ from warp_trunk.measures.back_rotation import (
     find_contacts,
     hump_height,
     is_determined,
+    is_hump_determined,
     tangent_of,
 )
 
@@ -33,6 +35,22 @@ def grooved(count=720, width=25.0):
     x, y = outline.T
     y = np.where(y > 0.0, y - 25.0 * np.exp(-(((x - 5.0) / width) ** 2)), y)
     return np.column_stack([x, y])
+
+
+def height_beside(aside: float, half_width: float = 150.0, half_depth: float = 100.0) -> float:
+    """Hump of an ellipse whose spine lies so far beside its middle [mm]: there, or 20 mm from the spine."""
+    near = max(aside, 20.0) - aside
+    far = max(aside, 20.0) + aside
+    depths = [half_depth * math.sqrt(1.0 - (x / half_width) ** 2) for x in (near, far)]
+    return depths[0] - depths[1]
+
+
+@pytest.mark.parametrize(("aside", "place"), [(0.0, 10.0), (30.0, 2.0), (30.0, 10.0), (45.0, 4.0), (45.0, 10.0)])
+def test_a_hump_beside_a_spine_off_the_middle_is_that_of_the_flank(aside: float, place: float) -> None:
+    tangent = not_none(tangent_of(ellipse(4000), np.array([aside, 45.0, 0.0]), LEFT))
+    assert hump_height(tangent) == pytest.approx(height_beside(aside), abs=0.1)
+    changes = [abs(height_beside(abs(aside + way)) - height_beside(aside)) for way in (-place, place)]
+    assert is_hump_determined(tangent, place) == (max(changes) < HUMP_DEPENDS)
 
 
 def angle(contacts):

@@ -5,6 +5,7 @@ import numpy as np
 from support.asserting import not_none
 from support.phantoms import coarse_phantom
 from warp_trunk.measures import measure
+from warp_trunk.measures.back_rotation import FLANK, is_hump_determined
 from warp_trunk.measures.measures import INVENTED
 from warp_trunk.measures.quantities import measured
 
@@ -33,6 +34,18 @@ def test_an_invented_front_takes_shoulders_and_flanks_and_leaves_the_back() -> N
     assert marks.missing["shoulders"] == marks.missing["waist"] == INVENTED
     assert {"T6", "T8", "T10", "T12"} <= seen["bsr_deg"]
     assert seen["cobb_deg"] == every["cobb_deg"]  # of the bones, not of the skin
+
+
+def test_a_hump_that_depends_on_the_place_of_the_spine_is_missing_with_its_reason() -> None:
+    """Of a fitted case; where the spine is known, it is shown."""
+    measures = measure(CASE.skin, CASE.landmarks_before, unseen=np.zeros(len(CASE.skin.vertices)))
+    for level, tangent in WHOLE.tangents.items():
+        shown = measures.hump_height[level] is not None
+        if tangent is not None and measures.bsr[level] is not None:
+            assert shown == is_hump_determined(tangent), level
+            assert shown == (f"hump {level}" not in measures.missing), level
+    assert {FLANK} == {why for what, why in measures.missing.items() if what.startswith("hump")}
+    assert measures.hump_height["T8"] == WHOLE.hump_height["T8"]
 
 
 def test_one_invented_level_is_missing_with_its_reason() -> None:

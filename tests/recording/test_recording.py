@@ -17,9 +17,10 @@ from support.small_trunk import made_up_increments, measured, small_case, start_
 from warp_trunk.bone_motion.prescribed_motion import spline_path
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.recording.colours import SKIN
+from warp_trunk.recording.colours import GREY, SKIN, STRIPED
 from warp_trunk.recording.numbers import BarPlot
 from warp_trunk.recording.stream import open_streams
+from warp_trunk.views.clothing import COLOURS
 
 
 def record(path, case, trunk, increments, after_each=lambda increment: None, *, close=True, **options):
@@ -109,6 +110,24 @@ def test_the_last_increment_shows_the_hump_of_the_report(recorded):
     red, blue = bytes_of[3][behind, 0].astype(int), bytes_of[3][behind, 2].astype(int)
     x = skins[3][behind, 0] - skins[3][:, 0].mean()
     assert np.corrcoef(red - blue, x)[0, 1] < -0.5  # orange on the right, which stands further back
+
+
+def test_only_what_was_not_measured_is_striped_skin_and_shirt(tmp_path):
+    case, trunk = small_case()
+    front = case.skin.vertices[:, 1] < 0.0
+    path = tmp_path / "fitted.rrd"
+    start_recording(path, replace(case, unseen=front.astype(np.float64)), trunk).close()
+
+    def colours(entity):
+        packed = column(path, entity, "vertex_colors").get(0, np.zeros(0, np.int64)).astype(np.int64)
+        return list(zip(packed >> 24 & 255, packed >> 16 & 255, packed >> 8 & 255, strict=True))
+
+    skin = colours("/now/skin")
+    assert [colour in (STRIPED, GREY) for colour in skin] == front.tolist()
+    assert {STRIPED, GREY} <= set(skin)
+    assert set(colours("/now/shirt")) == {COLOURS["shirt"], GREY}
+    assert GREY not in colours("/now/shorts")
+    assert column(path, "/scale/marks", "labels")[None].tolist()[-1] == "striped: not measured"
 
 
 def test_logged_arrays_are_copies(tmp_path, monkeypatch):

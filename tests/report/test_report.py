@@ -19,11 +19,20 @@ from support.synthetic import box
 from warp_trunk.cli import main
 from warp_trunk.cli.measure import Measure
 from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.measures.back_rotation import FLANK, ROUND
 from warp_trunk.measures.number_text import interval_text
 from warp_trunk.measures.quantities import QUANTITIES, Measured, MeasureTable
 from warp_trunk.measures.rows import MeasureRow, rotation_table
-from warp_trunk.report.headlines import Headline
-from warp_trunk.report.page import BAND_HEAD, STATES, band_table, change_table, in_numbers, source_table
+from warp_trunk.report.headlines import Headline, headlines
+from warp_trunk.report.page import (
+    BAND_HEAD,
+    STATES,
+    band_table,
+    change_table,
+    in_numbers,
+    left_out,
+    source_table,
+)
 from warp_trunk.report.sentences import option_rows
 from warp_trunk.report.writing import write_report
 from warp_trunk.results import read_result
@@ -274,3 +283,18 @@ def test_measures_say_which_levels_lie_in_their_band(tmp_path: Path, capsys: pyt
         assert inside[level] == (abs((actual or 0.0) - (band.value or 0.0)) <= 1.96 * 1.5)
     counted = not_none(re.search(r"in its 95 % band at (\d) of 4 levels", said))
     assert int(counted[1]) == sum(inside.values())
+
+
+def test_a_number_that_is_missing_afterwards_is_not_known_and_its_levels_have_a_reason() -> None:
+    table = MeasureTable(
+        [
+            Measured("before", "T9", "main_hump_mm", 11.0),
+            Measured("predicted", "T9", "main_hump_mm", None),
+        ]
+    )
+    (hump,) = headlines(table, [])
+    assert (hump.text, hump.word, hump.interval, hump.note) == ("not known", "not known", "", "")
+    assert hump.name == "hump at T9, on the right"
+    before = {"hump T12": FLANK, "T1": ROUND, "waist": "it ends there"}
+    after = {"hump T9": FLANK, "hump T12": FLANK}
+    assert left_out(before, after) == [f"No hump at T9, T12: {FLANK}.", f"No rotation at T1: {ROUND}."]

@@ -28,6 +28,7 @@ from warp_trunk.measures.quantities import MeasureTable
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.report.writing import write_report
 from warp_trunk.results import read_result
+from warp_trunk.results.summary_text import plain
 from warp_trunk.run.options import Execution, RunOptions
 from warp_trunk.run.simulate import simulate
 
@@ -62,6 +63,12 @@ def test_skin_follows_the_bone_that_moves_and_stays_where_none_does(front):
 def test_its_report_speaks_of_no_vertebra(front, tmp_path):
     page = write_report(front, tmp_path)
     text = re.sub('base64,[^"]*', "", page.read_text(encoding="utf-8"))
+    for heading in ("<h1>The skin before and after surgery</h1>", "<h2>From the two sides that change most</h2>"):
+        assert heading in text
+    assert "The back before" not in text
+    headings = [line.strip() for line in plain(front).splitlines()]
+    assert "The skin" in headings
+    assert "The back" not in headings
     for word in ("Cobb", "vertebra", "hump", "BSR"):
         assert word not in text
     assert {path.stem for path in (tmp_path / "report").glob("*.png")} >= {"first", "second", "sections", "error"}

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields
+from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import polars as pl
 
+from warp_trunk.geometry.surface import short_digest
 from warp_trunk.io.atomic_write import csv_text, json_text, write_whole
 from warp_trunk.measures.comparison import RANGES
 from warp_trunk.measures.quantities import DETECTABLE
-from warp_trunk.report.page import rendered
+from warp_trunk.report.page import rendered, sheet_line
 from warp_trunk.report.style import ACTUAL, BEFORE, INK, PREDICTED, RC, file_of, new_figure
 
 from .one_case import FAILED, CaseRow
@@ -25,8 +27,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def cohort_page(rows: Sequence[CaseRow], summary: CohortSummary) -> str:
-    """The text of the page; all that comes from files is escaped."""
+def cohort_page(rows: Sequence[CaseRow], summary: CohortSummary, sheet: str) -> str:
+    """The text of the page, with a line for the foot of its sheets; all that comes from files is escaped."""
     from matplotlib import rc_context  # heavy
 
     with rc_context(RC):
@@ -36,6 +38,7 @@ def cohort_page(rows: Sequence[CaseRow], summary: CohortSummary) -> str:
     return rendered(
         "cohort.html",
         drawings,
+        sheet=sheet,
         summary=summary,
         rows=[row for row in rows if row.status != FAILED],
         errors={(folder, part): error for folder, part, *error in per_case.iter_rows()},
@@ -182,13 +185,16 @@ _CASE = tuple(field.name for field in fields(CaseRow) if field.name != "measures
 def write_cohort(out: Path, rows: Sequence[CaseRow]) -> CohortSummary:
     """Writes the tables and the page of a cohort into a folder; an earlier one is replaced, the page last.
 
-    `cases.csv` has a row for each case, `cohort.csv` one for each measured number of each.
+    `cases.csv` has a row for each case, `cohort.csv` one for each measured number of each. Printed sheets name the
+    folder, the day and a fingerprint of the numbers.
     """
     summary = summarize_cohort(rows)
     write_whole(out / CASES, csv_text([_CASE, *([getattr(row, name) for name in _CASE] for row in rows)]))
-    write_whole(out / TABLE, tidy(rows).write_csv())
+    numbers = tidy(rows).write_csv()
+    sheet = sheet_line(out.resolve().name, date.today().isoformat(), short_digest(numbers))
+    write_whole(out / TABLE, numbers)
     write_whole(out / RECORD, json_text({"summary": summary, "cases": rows}))
-    write_whole(out / PAGE, cohort_page(rows, summary))
+    write_whole(out / PAGE, cohort_page(rows, summary, sheet))
     return summary
 
 

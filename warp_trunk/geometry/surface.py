@@ -166,6 +166,12 @@ def digest(*parts: np.ndarray | str | bytes) -> str:
     return hasher.hexdigest()
 
 
+def short_digest(*parts: np.ndarray | str | bytes) -> str:
+    """The first twelve figures of a digest in groups of four: a name that is compared on paper."""
+    name = digest(*parts)
+    return "-".join(name[first : first + 4] for first in (0, 4, 8))
+
+
 def surface_digest(surface: Surface) -> str:
     """The digest of every vertex and face of a surface."""
     return digest(surface.vertices, surface.faces)

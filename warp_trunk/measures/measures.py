@@ -25,7 +25,16 @@ from warp_trunk.spine.cobb import (
 )
 from warp_trunk.spine.spine import SacralLine, Spine, TrunkShift, sacral_line, spine_of, trunk_length, trunk_shift
 
-from .back_rotation import ROUND, DualTangent, hump_height, hump_top, is_determined, tangents_of
+from .back_rotation import (
+    FLANK,
+    ROUND,
+    DualTangent,
+    hump_height,
+    hump_top,
+    is_determined,
+    is_hump_determined,
+    tangents_of,
+)
 from .levels import largest_at
 from .outlines import (
     FlankAsymmetry,
@@ -90,7 +99,7 @@ class TrunkMeasures:
     skin_change_mean: float | None = None
     """Mean of the same over the vertices [mm]."""
     unseen_humps: frozenset[str] = frozenset()
-    """Levels at which the hump is on skin that was not measured."""
+    """Levels at which the hump is on skin that was not measured, or depends on the exact place of the spine."""
     unseen_flanks: frozenset[str] = frozenset()
     """Levels at which a flank is."""
     missing: dict[str, str] = field(default_factory=dict)
@@ -264,8 +273,14 @@ def _on_seen_skin(
             flanks.add(level)
         tangent = measures.tangents.get(level)
         top = None if tangent is None else hump_top(tangent)
-        if top is not None and not seen[level][_nearest(outline, top[1])].all():
+        if tangent is None or top is None:
+            continue
+        if not seen[level][_nearest(outline, top[1])].all():
             humps.add(level)
+            missing[f"hump {level}"] = INVENTED
+        elif not is_hump_determined(tangent):
+            humps.add(level)
+            missing[f"hump {level}"] = FLANK
     waist, shoulders = measures.waist, measures.shoulders
     silhouette = None if line is None else silhouette_of(skin, measures.spine, line, pelvis)
     if silhouette is not None and unseen[silhouette.edges].mean() > 0.5:

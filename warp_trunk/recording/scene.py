@@ -20,7 +20,7 @@ from warp_trunk.views.hump import SCALE_END, hump_palette
 from .colours import BONE, FUSED, GREY, LABELS, NOW, TEXT, displacement_paint, hump_paint, painted, striped
 from .numbers import apart
 
-BESIDE = 70.0
+BESIDE = 85.0
 """The names of the sides are this far from the skin, so that their boxes lie on the ground [mm]."""
 
 

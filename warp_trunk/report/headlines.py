@@ -151,7 +151,9 @@ def headlines(
     fixed: Mapping[tuple[str, str], str] | None = None,
     states: tuple[str, str] = STATES,
 ) -> list[Headline]:
-    """The numbers that both states have, as patients rank them: waist, hump, shoulders, balance, rotation, curves.
+    """The numbers before surgery, as patients rank them: waist, hump, shoulders, balance, rotation, curves.
+
+    What the other state does not have is not known.
 
     Args:
         table: the numbers of the result.
@@ -167,7 +169,7 @@ def headlines(
     shown = []
     for key, level in ((key, level) for key, levels in places.items() for level in levels):
         before, after = table.value(was, key, level), table.row(state, key, level)
-        if before is None or after is None or after.value is None:
+        if before is None or after is None:
             continue
         of = {"main_hump_mm": "hump_mm", "bsr_deg": "bsr_deg"}.get(key)
         larger = None if of is None else table.larger(state, of, level)

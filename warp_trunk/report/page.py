@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warp_trunk.bone_motion.plan import Plan, fixed_numbers, plan_words, planned_curves
+from warp_trunk.case.anatomy import VERTEBRAE, rank
 from warp_trunk.engine.simulation import ON_THE_WAY
 from warp_trunk.geometry.surface import Surface, corner_areas
 from warp_trunk.geometry.surface_checks import crossings
@@ -82,13 +83,13 @@ def page(
         fingerprint=result.fingerprint,
         first_warnings=anatomy if summary.synthetic else [*imposed, *anatomy],  # "no patient" is said once
         more_warnings=any(warning not in (*imposed, *anatomy) for warning in summary.warnings),
-        sheet=sheet_of(result),
         sentences=sentences(table, shown, comparison, summary.bands, plan),
         questions=questions(shown, plan),
         measure_head=measure_head(poses, summary.bands),
         measure_rows=measure_table(result, states, plan),
         rotation_head=head(poses, "level") + (["19 of 20"] if summary.bands else []),
         rotation_rows=rotation_table(table, states, MeasureRow.compared_cells, bands=summary.bands is not None),
+        left_out=left_out(*(pose.measures.missing for pose in poses)),
         bands=summary.bands,
         band_head=BAND_HEAD,
         band_rows=band_table(table, summary.bands, fixed) if summary.bands else [],
@@ -124,6 +125,7 @@ def _of_run(result: Result, poses: Sequence[TrunkState]) -> dict[str, Any]:
         "summary": summary,
         "plan": result.plan_text,
         "motions": result.motions_text if result.motions else "",
+        "sheet": sheet_of(result),
         "converged": result.converged,
         "reason": status.sentence[:1].upper() + status.sentence[1:],
         "poses": len(poses),
@@ -237,15 +239,34 @@ def skin_areas(change: SkinChange, visible: Mapping[str, np.ndarray]) -> dict[st
     return {name: words(part) for name, part in parts.items()} | {"hatched": "yes" if behind else ""}
 
 
+def left_out(*missing: Mapping[str, str]) -> list[str]:
+    """A sentence for each reason for which levels have no rotation or no hump, from `missing` of every state."""
+    levels_by_reason: dict[tuple[str, str], set[str]] = {}
+    for what, reason in (item for reasons in missing for item in reasons.items()):
+        level = what.removeprefix("hump ")
+        quantity = "rotation" if level == what else "hump"
+        if level in VERTEBRAE:
+            levels_by_reason.setdefault((quantity, reason), set()).add(level)
+    return [
+        f"No {quantity} at {', '.join(sorted(levels, key=rank))}: {reason}."
+        for (quantity, reason), levels in levels_by_reason.items()
+    ]
+
+
 def in_numbers(shown: Sequence[Headline]) -> str:
     """The headlines in one line, for readers who cannot see the pictures."""
     return "; ".join(f"{line.name}: {line.text}" + (f", {line.word}" if line.word else "") for line in shown)
 
 
 def sheet_of(result: Result) -> str:
-    """The line at the foot of every printed sheet: name, day and fingerprint, as a string of CSS."""
-    words = " · ".join(filter(None, (result.summary.case, result.summary.day, result.fingerprint)))
-    return "".join(c if c.isalnum() or c in " .,·-" else f"\\{ord(c):x} " for c in words)
+    """The line at the foot of every printed sheet of a result: its name, day and fingerprint."""
+    return sheet_line(result.summary.case, result.summary.day, result.fingerprint)
+
+
+def sheet_line(*words: str) -> str:
+    """The line at the foot of every printed sheet, as a string of CSS; empty words are left out."""
+    line = " · ".join(filter(None, words))
+    return "".join(c if c.isalnum() or c in " .,·-" else f"\\{ord(c):x} " for c in line)
 
 
 def band_table(table: MeasureTable, bands: Bands, fixed: Collection[tuple[str, str]] = ()) -> list[list[str]]:

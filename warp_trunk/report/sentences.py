@@ -170,7 +170,7 @@ def band_sentence(table: MeasureTable, bands: Bands | None) -> str:
         usual = "if the bones are seen and moved as exactly as is usual"
         return f"In 19 of 20 such operations the {what} would be {between}, {usual}.{rough}"
     if any(row.low is not None for row in table.column(PREDICTED, "bsr_deg").values()):
-        return "The intervals of hump and rotation are wider than what they say."
+        return "The hump and the rotation of the back are not known well enough for a likely range."
     return "How far these numbers may be wrong was not computed for this prediction."
 
 

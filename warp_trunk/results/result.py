@@ -20,7 +20,7 @@ from warp_trunk.checking import checked
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError, MissingFileError
-from warp_trunk.geometry.surface import Surface, digest
+from warp_trunk.geometry.surface import Surface, short_digest
 from warp_trunk.io.atomic_write import complete, named, partial, replace
 from warp_trunk.io.file_access import read_text
 from warp_trunk.io.folders import locked, make_writable
@@ -152,8 +152,7 @@ class Result:
         marks, skins = (self.landmarks_before, self.landmarks_after), (self.skin_before, self.skin)
         points = [np.round(points_of.points, 3) for points_of in marks]  # as their files have them
         points += [np.round(skin.vertices, 3).astype(np.float32) for skin in skins]
-        name = digest(self.plan_text or "", *([self.motions_text] if self.motions else []), *points)
-        return "-".join(name[first : first + 4] for first in (0, 4, 8))
+        return short_digest(self.plan_text or "", *([self.motions_text] if self.motions else []), *points)
 
     @property
     def motions_text(self) -> str:

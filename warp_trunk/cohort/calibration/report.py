@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from datetime import date
 from pathlib import Path
 
 from warp_trunk.case.tissue_file import write_tissue_file
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import short_digest
 from warp_trunk.io.atomic_write import json_text, write_whole
 from warp_trunk.io.folders import make_writable
-from warp_trunk.report.page import rendered
+from warp_trunk.report.page import rendered, sheet_line
 
 from .calibrate import Calibration, FittedConstant
 
@@ -28,18 +30,21 @@ def write_calibration(path: Path, calibration: Calibration) -> Path:
         *(f"{fitted.name}: {fitted.low:.4g} to {fitted.high:.4g} (95 %)" for fitted in calibration.constants),
     ]
     page = path.with_suffix(".html")
-    write_whole(path.with_suffix(".json"), json_text(calibration))
-    write_whole(page, calibration_page(calibration))
+    record = json_text(calibration)
+    sheet = sheet_line(path.stem, date.today().isoformat(), short_digest(record))
+    write_whole(path.with_suffix(".json"), record)
+    write_whole(page, calibration_page(calibration, sheet))
     write_tissue_file(path, {fitted.name: fitted.value for fitted in calibration.constants}, remarks)
     return page
 
 
-def calibration_page(calibration: Calibration) -> str:
-    """The text of the page; all that comes from files is escaped."""
+def calibration_page(calibration: Calibration, sheet: str) -> str:
+    """The text of the page, with a line for the foot of its sheets; all that comes from files is escaped."""
     return rendered(
         "calibration.html",
         {},
         calibration=calibration,
+        sheet=sheet,
         warnings=calibration_warnings(calibration),
         gain=gain_text(calibration),
     )
