@@ -278,6 +278,7 @@ def test_the_page_of_a_cohort_has_its_numbers_and_names_what_does_not_count(tmp_
 
 def test_every_sheet_of_a_cohort_names_it_its_day_and_its_numbers(tmp_path: Path) -> None:
     """The fingerprint changes with any number, and stays without a change."""
+    (tmp_path / "study").mkdir()
     sheets = []
     for rows in (ROWS, ROWS, [replace(ROWS[0], measures=ROWS[0].measures[1:]), *ROWS[1:]]):
         write_cohort(tmp_path / "study", rows)
