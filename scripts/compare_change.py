@@ -227,10 +227,10 @@ def drawn(folders: Sequence[Path], group: Group, count: int, options: Options) -
     plan = Plan(uiv=group.fused[0], liv=group.fused[1], curves=(asked,))
     for number, row in enumerate(random.permutation(count).tolist()):
         trunk = trunk_of(folders[number % len(folders)])
-        mean = dataclasses.replace(group.curve, cobb=sizes.inv_cdf((row + 0.5) / count))
+        mean = dataclasses.replace(group.curve, cobb=round(sizes.inv_cdf((row + 0.5) / count), 3))
         for _ in range(MOST_TRIES):
             aside = np.clip(random.normal(top_of(trunk, mean), T1_OFFSET[1]), -MOST_ASIDE, MOST_ASIDE)
-            curve = dataclasses.replace(mean, t1_offset=float(aside))
+            curve = dataclasses.replace(mean, t1_offset=round(float(aside), 3))  # the same on every machine
             case = Case(trunk.folder, trunk.skin, trunk.bones, correct(trunk.landmarks, curve, 0.0))
             try:
                 patients.append(

@@ -137,7 +137,8 @@ def plan_words(plan: Plan) -> str:
         (plan.sva_after, "top of the spine {:.0f} mm in front of the sacrum"),
     ]
     parts += [text.format(value) for value, text in whole if value is not None]
-    parts += ["T1 over the sacrum"] if plan.balance == "centre" else []
+    places = {"centre": "T1 over the sacrum", "keep": "T1 as far beside the sacrum as before"}
+    parts += [places[plan.balance]] if plan.balance in places else []
     return "; ".join(parts).replace("%", " %")
 
 
