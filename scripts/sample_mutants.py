@@ -2,9 +2,11 @@
 
     uv run python scripts/sample_mutants.py --out results/mutants --seed 1 --each 30 --jobs 16
 
-Each test file runs once under coverage. A mutant is then given to the test files that execute its statement: first
-to those in the folder of its package, then to the others, the quick ones first, until a test fails. A mutant of a
-statement that no test executes survives at once. Each worker changes its own copy of the tree. Outcomes are
+Each test file runs once under coverage, which notes the lines that each test and each shared fixture executes
+(`mutant_contexts.py`). A mutant is then given to the tests that execute its statement, those in the folder of its
+package first and the quick ones first, until one fails; after them to the other tests of the files that execute
+it, as what is cached or imported runs in the first test that asks for it. A mutant of a statement that no test
+executes survives at once. Each worker changes its own copy of the tree. Outcomes are
 written as they come, so a run that was stopped goes on where it ended. `mutants.md` under --out then holds the
 rates and the survivors; a word that is written behind a survivor there is kept by the next run.
 
@@ -138,7 +140,7 @@ class Options:
     jobs: int = os.cpu_count() or 1
     """Mutants that are tested at once, each on one core in its copy of the tree."""
     budget: float = 60.0
-    """Seconds of tests, as they took once, after which no further test file is given to a mutant."""
+    """Seconds of tests, as they took once, after which no further test is given to a mutant."""
     minutes: float = 1e9
     """No test run is started after so many minutes; the outcomes so far are written."""
     without: tuple[str, ...] = ()
@@ -163,6 +165,15 @@ class Mutant:
         """Names the change even when lines above it move."""
         return f"{self.path} `{self.before}` -> `{self.after}`"
 
+    @property
+    def place(self) -> str:
+        return f"{self.path}:{self.line}"
+
+    @property
+    def statement(self) -> tuple[str, set[int]]:
+        """The file, and the lines of the statement that is changed."""
+        return self.path, _statement((ROOT / self.path).read_text(encoding="utf-8"), self.line)
+
     def text(self, tree: Path) -> str:
         """The file with the fault."""
         return _mutated((tree / self.path).read_text(encoding="utf-8"), self.operator, self.occurrence)
@@ -176,8 +187,21 @@ class Tested:
     seconds: float
     failed: list[str]
     """Tests that fail there; they are not asked."""
-    lines: dict[str, list[int]] = field(default_factory=dict)
-    """Executed lines of each source file; none when the tests did not end."""
+    tests: dict[str, tuple[float, list[str]]] = field(default_factory=dict)
+    """By id: seconds of the test alone, and its shared fixtures."""
+    fixtures: dict[str, float] = field(default_factory=dict)
+    """Seconds of each shared fixture."""
+    executed: dict[str, list[str]] = field(default_factory=dict)
+    """Tests and shared fixtures that execute a statement with a mutant, by its place; "" for what is imported."""
+
+    def asked(self, place: str) -> tuple[list[str], list[str]]:
+        """Tests that execute a statement, and the others of the file where anything in it does."""
+        contexts = set(self.executed.get(place, ()))
+        if not contexts:
+            return [], []
+        able = [name for name in self.tests if name not in self.failed]
+        own = [name for name in able if contexts.intersection([name, *self.tests[name][1]])]
+        return own, [name for name in able if name not in own]
 
 
 def main(options: Options) -> None:
@@ -191,7 +215,7 @@ def main(options: Options) -> None:
     copies = _copies(options)
     print("sampling", flush=True)
     mutants = sample(options)
-    tests = _measured_tests(options, copies, until)
+    tests = _measured_tests(options, mutants, copies, until)
     outcomes = _outcomes(options, mutants, tests, copies, until)
     table = report(mutants, outcomes, options)
     (options.out / "mutants.md").write_text(table, encoding="utf-8", newline="\n")
@@ -342,7 +366,7 @@ def _run(command: Sequence[str], copy: tuple[Path, int], limit: float, **environ
     scratch = tree.parent / f"kept{tree.name}"
     shutil.rmtree(scratch, ignore_errors=True)
     scratch.mkdir()
-    path = os.pathsep.join([str(tree), *filter(None, [os.environ.get("PYTHONPATH")])])
+    path = os.pathsep.join([str(tree), str(tree / "scripts"), *filter(None, [os.environ.get("PYTHONPATH")])])
     variables = os.environ | {"PYTHONPATH": path, "WARP_TRUNK_CACHE": str(scratch / "cache"), **environment}
     started = time.monotonic()
     log = scratch / "output"
@@ -366,9 +390,9 @@ def _run(command: Sequence[str], copy: tuple[Path, int], limit: float, **environ
     return Ended(status, log.read_text(encoding="utf-8", errors="replace"), time.monotonic() - started)
 
 
-def _measured_tests(options: Options, copies: Copies, until: float) -> list[Tested]:
+def _measured_tests(options: Options, mutants: list[Mutant], copies: Copies, until: float) -> list[Tested]:
     """Runs each test file once under coverage, the large ones first; what an earlier run measured is kept."""
-    tree = hashlib.sha256()
+    tree = hashlib.sha256("".join(mutant.name for mutant in mutants).encode())
     for folder in ("warp_trunk", "kernels", "tests"):
         for path in sorted(ROOT.glob(f"{folder}/**/*.py")):
             tree.update(path.read_bytes())
@@ -377,6 +401,7 @@ def _measured_tests(options: Options, copies: Copies, until: float) -> list[Test
     files = sorted(ROOT.glob("tests/**/test_*.py"), key=lambda path: -path.stat().st_size)
     names = [str(path.relative_to(ROOT)) for path in files]
     names = [name for name in names if not name.startswith(options.without)]
+    places = {mutant.place: mutant.statement for mutant in mutants}
     lock = threading.Lock()
 
     def measure(name: str) -> None:
@@ -384,7 +409,7 @@ def _measured_tests(options: Options, copies: Copies, until: float) -> list[Test
             return
         copy = copies.get()
         try:
-            test = _measured(name, copy)
+            test = _measured(name, places, copy)
         finally:
             copies.put(copy)
         with lock:
@@ -397,24 +422,31 @@ def _measured_tests(options: Options, copies: Copies, until: float) -> list[Test
     return [tests[name] for name in names if name in tests]
 
 
-def _measured(name: str, copy: tuple[Path, int]) -> Tested:
-    data = copy[0].parent / f"coverage{copy[0].name}"
-    for old in data.parent.glob(f"{data.name}.*"):
-        old.unlink()
+def _measured(name: str, places: dict[str, tuple[str, set[int]]], copy: tuple[Path, int]) -> Tested:
+    data, seconds = (copy[0].parent / f"{what}{copy[0].name}" for what in ("coverage", "seconds"))
+    for old in [*data.parent.glob(f"{data.name}.*"), seconds]:
+        old.unlink(missing_ok=True)
     under = [sys.executable, "-m", "coverage", "run", f"--data-file={data}.data", *PYTEST[1:], name]
-    ended = _run(under, copy, limit=300, COVERAGE_CORE="sysmon" if sys.version_info >= (3, 12) else "ctrace")
-    if ended.status not in {0, 1, 5}:  # passed, some failed, none selected
+    ended = _run(
+        [*under, "-p", "mutant_contexts"], copy, limit=300, COVERAGE_CORE="ctrace", MUTANT_SECONDS=str(seconds)
+    )
+    if ended.status not in {0, 1, 5} or not seconds.exists():  # passed, some failed, none selected
         print(f"{name} did not end:\n{ended.output[-2000:]}", flush=True)
         return Tested(name, ended.seconds, [])
     collected = coverage.Coverage(data_file=f"{data}.data", config_file=str(copy[0] / "pyproject.toml"))
     collected.combine([str(path) for path in data.parent.glob(f"{data.name}.data*")])
     lines = collected.get_data()
-    executed = {
-        str(Path(path).relative_to(copy[0])): sorted(lines.lines(path) or [])
+    contexts = {
+        str(Path(path).relative_to(copy[0])): lines.contexts_by_lineno(path)
         for path in lines.measured_files()
         if Path(path).is_relative_to(copy[0])
     }
-    return Tested(name, round(ended.seconds, 1), _failed(ended.output), executed)
+    executed = {
+        place: sorted({context for line in statement for context in contexts.get(path, {}).get(line, ())})
+        for place, (path, statement) in places.items()
+    }
+    executed = {place: by for place, by in executed.items() if by}
+    return Tested(name, round(ended.seconds, 1), _failed(ended.output), executed=executed, **_rows(seconds)[0])
 
 
 def _failed(output: str) -> list[str]:
@@ -440,7 +472,7 @@ def _outcomes(
             copies.put(copy)
         if outcome:
             with lock:
-                outcomes[mutant.name] = {"mutant": mutant.name, "place": f"{mutant.path}:{mutant.line}", **outcome}
+                outcomes[mutant.name] = {"mutant": mutant.name, "place": mutant.place, **outcome}
                 _append(written, outcomes[mutant.name])
                 print(f"{len(outcomes)}/{len(mutants)} {outcome['outcome']} {mutant.name[:150]}", flush=True)
 
@@ -455,32 +487,42 @@ def _judged(
     mutant: Mutant, tests: list[Tested], copy: tuple[Path, int], budget: float, until: float
 ) -> dict[str, Any] | None:
     """The outcome of a mutant, or None when the time was over first."""
-    statement = _statement((ROOT / mutant.path).read_text(encoding="utf-8"), mutant.line)
-    asked = [test for test in tests if statement.intersection(test.lines.get(mutant.path, ()))]
+    if time.monotonic() > until:
+        return None
     folder = f"tests/{Path(mutant.path).parts[1]}/"
-    asked.sort(key=lambda test: (not test.path.startswith(folder), test.seconds))
-    start = min((test.seconds for test in tests), default=0.0)  # each measured file started a process of its own
-    before = itertools.accumulate((test.seconds - start for test in asked), initial=0.0)
-    within = [test for test, seconds in zip(asked, before, strict=False) if seconds < budget]
+    asked: list[tuple[bool, bool, float, str, Tested]] = []
+    for test in tests:
+        for later, names in enumerate(test.asked(mutant.place)):
+            for name in names:
+                alone, fixtures = test.tests[name]
+                seconds = alone + sum(test.fixtures[fixture] for fixture in fixtures)
+                asked.append((bool(later), not test.path.startswith(folder), seconds, name, test))
+    asked.sort(key=lambda each: each[:4])
+    within, left_out, total, ready = [], [], 0.0, set[tuple[str, str]]()
+    for later, _, _, name, test in asked:
+        alone, fixtures = test.tests[name]
+        new = {(test.path, fixture) for fixture in fixtures} - ready
+        seconds = alone + sum(test.fixtures[fixture] for _, fixture in new)
+        if total + seconds <= budget:
+            within.append(name)
+            total, ready = total + seconds, ready | new
+        elif not later:
+            left_out.append(name)
     started = time.monotonic()
-    (copy[0] / mutant.path).write_text(mutant.text(ROOT), encoding="utf-8", newline="\n")
     outcome, by = "survived", "" if asked else "no test executes it"
-    for near in (True, False):
-        stage = [test for test in within if test.path.startswith(folder) == near]
-        if stage and not by:
-            if time.monotonic() > until:
-                return None
-            failing = [f"--deselect={name}" for test in stage for name in test.failed]
-            limit = 3 * sum(test.seconds for test in stage) + 30
-            ended = _run([*PYTEST, "-x", *(test.path for test in stage), *failing], copy, limit)
-            if ended.status not in {0, 5}:
-                outcome = "killed"
-                by = "hung" if ended.status is None else next(iter(_failed(ended.output)), "no import")
+    if within:
+        (copy[0] / mutant.path).write_text(mutant.text(ROOT), encoding="utf-8", newline="\n")
+        chosen = copy[0].parent / f"chosen{copy[0].name}"  # more than a command line may hold
+        chosen.write_text("\n".join(within), encoding="utf-8", newline="\n")
+        ended = _run([*PYTEST, "-x", f"@{chosen}"], copy, 3 * total + 60)
+        if ended.status not in {0, 5}:
+            outcome = "killed"
+            by = "hung" if ended.status is None else next(iter(_failed(ended.output)), "no import")
     return {
         "outcome": outcome,
         "by": by,
         "seconds": round(time.monotonic() - started, 1),
-        "left_out": [test.path for test in asked if test not in within],
+        "left_out": left_out,
     }
 
 
@@ -508,20 +550,22 @@ def report(mutants: list[Mutant], outcomes: dict[str, dict[str, Any]], options: 
     earlier = _text(options.out / "mutants.md")
     words = dict(re.findall(r"^- \S+?:\d+ .*?(`.*`): (.+)$", earlier, flags=re.MULTILINE))
     rows = [f"Mutants of seed {options.seed}, {options.each} of each package.", ""]
-    rows += ["| package | tested | killed | rate |", "|---|---|---|---|"]
+    rows += ["| package | tested | killed | undecided | rate of those decided |", "|---|---|---|---|---|"]
     groups: defaultdict[str, list[dict[str, Any]]] = defaultdict(list)
     for mutant in mutants:
         if mutant.name in outcomes:
             groups[Path(mutant.path).parts[1]].append(outcomes[mutant.name])
     for package, judged in [*groups.items(), ("all", [each for group in groups.values() for each in group])]:
         killed = sum(each["outcome"] == "killed" for each in judged)
-        rows.append(f"| {package} | {len(judged)} | {killed} | {killed / max(len(judged), 1):.0%} |")
+        undecided = sum(each["outcome"] == "survived" and bool(each["left_out"]) for each in judged)
+        rate = killed / max(len(judged) - undecided, 1)
+        rows.append(f"| {package} | {len(judged)} | {killed} | {undecided} | {rate:.0%} |")
     rows += ["", "Survivors:", ""]
     for mutant in mutants:
         outcome = outcomes.get(mutant.name)
         if outcome and outcome["outcome"] == "survived":
             change = f"`{mutant.before}` -> `{mutant.after}`"
-            unexecuted = "not executed, " if outcome["by"] else ""
+            unexecuted = "not executed, " if outcome["by"] else "undecided, " if outcome["left_out"] else ""
             rows.append(f"- {mutant.path}:{mutant.line} {unexecuted}{change}: {words.get(change, '')}".rstrip())
     return "\n".join(rows) + "\n"
 

@@ -6,7 +6,8 @@ the program. Her mirror image has everything on the other side, and nothing else
 
 import csv
 import json
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,11 @@ import meshio
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
-from support.drawn import Page, drawn_figures, place, side_at, slope_on_page
+from support.drawn import Page, drawn_figures, pixels, place, side_at, slope_on_page
 from support.known_patient import (
+    ACTUAL,
     AFTER,
     BEFORE,
     MIRROR,
@@ -29,7 +32,12 @@ from support.known_patient import (
 from support.known_spine import LEVELS
 from support.rrd import column
 from support.small_trunk import measured, start_recording
+from warp_trunk.case.case import Study
+from warp_trunk.case.layers import Layers
 from warp_trunk.cli import main
+from warp_trunk.cohort import one_case
+from warp_trunk.cohort.summary import errors
+from warp_trunk.measures import measure
 from warp_trunk.measures.measures import measure_level
 from warp_trunk.measures.quantities import BETTER, EXACT, PREDICTED, WORSE, Measured
 from warp_trunk.results import read_result
@@ -232,7 +240,7 @@ def test_the_picture_of_the_shoulders_shows_the_higher_one_on_its_side(patient: 
 def test_pictures_of_the_mirror_image_are_mirrored(both: tuple[Shown, Shown], name: str) -> None:
     for own, mirrored in zip(*(patient.figures[name].axes for patient in both), strict=True):
         if own.images:
-            image, other = (np.nan_to_num(np.array(axes.images[0].get_array())) for axes in (own, mirrored))
+            image, other = (pixels(axes) for axes in (own, mirrored))
             assert np.mean(np.abs(image - other[:, ::-1]) > 0.02) < 0.02
             assert np.mean(np.abs(image - other) > 0.02) > 0.02
 
@@ -240,7 +248,7 @@ def test_pictures_of_the_mirror_image_are_mirrored(both: tuple[Shown, Shown], na
 @pytest.mark.parametrize("name", ["back", "front"])
 def test_the_deeper_waist_is_on_its_side_in_the_pictures(patient: Shown, name: str) -> None:
     for axes, shape in zip(patient.figures[name].axes, STATES.values(), strict=True):
-        outline = np.array(axes.images[0].get_array())[:, :, 3] > 0.5
+        outline = pixels(axes)[:, :, 3] > 0.5
         widths = {}
         for side in ("left", "right"):
             _, up = place(axes, 0.0, shape.waist[side][1])
@@ -278,7 +286,7 @@ def test_the_hump_is_ringed_at_its_level_and_side_and_coloured_there(patient: Sh
         assert [text.get_text() for text in texts] == [
             f"{level}: {abs(shape.humps[level]):.0f} mm" for level in levels
         ]
-        image = np.array(axes.images[0].get_array())
+        image = pixels(axes)
         for text, level in zip(texts, levels, strict=True):
             x, z = text.get_position()
             height = shape.landmarks.of_bone(level).points[:, 2].mean()
@@ -352,8 +360,10 @@ def test_the_recording_has_every_level_and_its_section_is_turned_as_its_words_sa
         return f"{size} {'right' if sign * value > 0.0 else 'left'}"
 
     said = column(tmp_path / "known.rrd", "/bars/angles", "labels")
+    names_of_rows = column(tmp_path / "known.rrd", "/bars/levels", "labels")[None].tolist()
+    assert {"T1", "T8"} < set(names_of_rows)
     for number, shape in ((0, BEFORE), (2, AFTER)):
-        assert said[number].tolist() == [sided(angle) for angle in shape.rotations.values()]
+        assert said[number].tolist() == [sided(shape.rotations[level]) for level in names_of_rows]
         words = column(tmp_path / "known.rrd", "/section/now/angle", "labels")[number]
         assert words.tolist() == [f"now {sided(shape.rotations['T8'])}"]
         _, tangent = column(tmp_path / "known.rrd", "/section/now", "strips")[number]
@@ -416,7 +426,9 @@ def sure(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureReques
         ratio=np.ones(len(LEVELS) + 2),
         likely_worse=further,
     )
-    source = BandSource(name="landmarks", spread="2 mm", reference="a film", sd={"bsr_deg": {"T8": 1.4}})
+    source = BandSource(
+        name="landmarks", spread="2 mm", reference="a film", sd={"bsr_deg": {"T8": 1.4}, "hump_mm": {"T8": 0.7}}
+    )
     bands = Bands(sources=(source,), nonlinear=(), skin_mean_mm=2.0, skin_max_mm=2.0, draws=32)
     intervals = FoundBands(tuple(rows), bands, np.full(len(case.skin.vertices), 2.0), effects, likely)
     write_known_result(folder, mirrored=sign < 0.0, intervals=intervals)
@@ -482,3 +494,148 @@ def test_vtks_own_reader_finds_the_shape_and_its_displacement(patient: Shown, tm
     np.testing.assert_allclose(grid.point_data[name][on_bone], displacement[on_bone], atol=1e-4)
     tets = grid.extract_cells(grid.celltypes == pyvista.CellType.TETRA)
     assert tets.compute_cell_sizes(length=False, area=False)["Volume"].min() > 0.0
+
+
+def test_every_picture_lies_within_its_frame_and_its_words_within_the_picture(patient: Shown) -> None:
+    """Panels that are placed by hand; words by the axes of their panel, with room beside them."""
+    for name, figure in patient.figures.items():
+        for axes in figure.axes:
+            box = axes.get_position()
+            assert -1e-6 <= min(box.x0, box.y0) < max(box.x1, box.y1) <= 1.0 + 1e-6, name
+            for text in axes.texts:
+                if text.get_transform() == axes.transData and text.get_text():
+                    across, up = place(axes, *text.get_position())
+                    assert -0.1 <= across <= 1.1, (name, text.get_text())
+                    assert -0.1 <= up <= 1.1, (name, text.get_text())
+
+
+def test_sections_have_a_scale_and_the_plot_of_rotations_begins_at_the_top(patient: Shown) -> None:
+    first, *later = (axes for axes in patient.figures["sections"].axes if axes.get_title(loc="left"))
+    (bar,) = (line for line in first.lines if len(line.get_xdata()) == 2 and np.ptp(line.get_xdata()) == 100.0)
+    assert np.ptp(bar.get_ydata()) == 0.0
+    (words,) = (text for text in first.texts if text.get_text() == "100 mm")
+    assert words.get_position()[0] == pytest.approx(np.mean(bar.get_xdata()))
+    assert not any(text.get_text() == "100 mm" for axes in later for text in axes.texts)
+    (axes,) = patient.figures["rotation"].axes
+    rows = [place(axes, 0.0, row)[1] for row in range(len(LEVELS))]
+    assert rows == sorted(rows, reverse=True)
+    assert 0.0 < rows[-1] < rows[0] < 1.0
+
+
+def test_lines_of_the_hump_are_solid_where_it_is_further_back(patient: Shown) -> None:
+    """At 10 mm each; none is drawn at more than the back has."""
+    for axes, shape in zip(patient.figures["hump"].axes[:2], STATES.values(), strict=True):
+        solid, dashed = (lines for lines in axes.collections if hasattr(lines, "levels"))
+        np.testing.assert_allclose(solid.levels, np.arange(10.0, 50.0, 10.0))
+        np.testing.assert_allclose(dashed.levels, -solid.levels[::-1])
+        highest = max(map(abs, shape.humps.values()))
+        for lines, sign in ((solid, 1.0), (dashed, -1.0)):
+            by_level = dict(zip(np.abs(lines.levels), lines.get_paths(), strict=True))
+            assert len(by_level[10.0].vertices)
+            assert not any(len(path.vertices) for level, path in by_level.items() if level > highest + 1.0)
+            x, z = by_level[10.0].vertices.T
+            at_t8 = np.abs(z - BEFORE.landmarks.of_bone("T8").points[:, 2].mean()) < 30.0
+            if shape is BEFORE:
+                assert side_at(axes, place(axes, float(x[at_t8].mean()), 0.0)[0]) == patient.side(sign)
+
+
+def test_sources_of_error_stand_with_their_numbers(sure: Shown) -> None:
+    assert sure.page.rows["landmarks"] == ["2 mm", "1.4", "0.7", "a film"]
+
+
+def test_a_rotation_that_its_interval_hides_is_not_written_beside_its_section(sure: Shown) -> None:
+    """Half of an interval is 2.9 degrees: more than the change and the size of T1's 1.1, less than T8's 7.3."""
+    words = {
+        axes.get_title(loc="left"): axes.get_title(loc="right").split(" → ")
+        for axes in sure.figures["sections"].axes
+        if axes.get_title(loc="left")
+    }
+    assert words["T8"] == [sure.sided(shape.rotations["T8"]) for shape in STATES.values()]
+    assert words["T1"] == [sure.sided(BEFORE.rotations["T1"]), "not known"]
+    assert words["T1"][1] in sure.page.rows["T1"][1]
+
+
+@pytest.fixture(scope="module")
+def judged(tmp_path_factory: pytest.TempPathFactory) -> Shown:
+    """Her result with the skin as it was scanned after surgery."""
+    folder = write_known_result(tmp_path_factory.mktemp("judged"), actual=ACTUAL)
+    with drawn_figures() as figures:
+        assert main(["report", str(folder)]) == 0
+    return Shown(folder, 1.0, Page((folder / "report.html").read_text(encoding="utf-8")), figures)
+
+
+def test_the_actual_back_stands_beside_the_prediction_with_its_error(judged: Shown) -> None:
+    heads = judged.page.rows["level"]
+    assert heads[:5] == ["before surgery", "predicted", "change", "actual", "error"]
+    for level in LEVELS:
+        was, will, really = (shape.rotations[level] for shape in (BEFORE, AFTER, ACTUAL))
+        cells = judged.page.rows[level]
+        assert [*cells[:2], cells[3]] == [judged.sided(value) for value in (was, will, really)]
+        assert float(cells[4]) == pytest.approx(will - really, abs=0.06)
+    assert judged.page.rows["Rotation of the back (BSR) at T8 [°]"][3] == "9.8 right"
+    panels = [axes for axes in judged.figures["sections"].axes if axes.get_title(loc="left")]
+    for axes in panels:
+        level = axes.get_title(loc="left")
+        assert axes.get_title(loc="right").endswith(f"({judged.sided(ACTUAL.rotations[level])})")
+    titles = [axes.get_title() for axes in judged.figures["hump"].axes[:3]]
+    assert titles == ["Before surgery", "Predicted", "Actual"]
+    (axes,) = judged.figures["rotation"].axes
+    lines = {str(line.get_label()): line.get_xdata() for line in axes.lines}
+    np.testing.assert_allclose(lines["actual"], [*ACTUAL.rotations.values()], atol=0.05)
+    summary = json.loads((judged.folder / "summary.json").read_text(encoding="utf-8"))
+    by_state = {
+        (row["state"], row["level"]): row["value"] for row in summary["measures"] if row["quantity"] == "bsr_deg"
+    }
+    assert by_state["actual", "L3"] == pytest.approx(-12.2, abs=0.05)
+
+
+def test_layers_are_where_they_were_put_with_their_own_constants(tmp_path: Path) -> None:
+    """Fat on her left above the loin, skin on top, muscle elsewhere: by VTK's reader and in Abaqus' format."""
+    pyvista = pytest.importorskip("pyvista")
+    case, mesh, _ = known_case()
+    centres = mesh.nodes[mesh.tets].mean(axis=1)
+    fat = (centres[:, 0] > 20.0) & (centres[:, 2] > 100.0)
+    labels = np.where(centres[:, 2] > 430.0, 0, np.where(fat, 1, 2)).astype(np.int8)
+    layered = replace(case, layers=Layers(constants={"fat": {"youngs_modulus": 3.5}}))
+    write_known_result(tmp_path / "result", layered=(layered, replace(mesh, tissue=labels)))
+    summary = json.loads((tmp_path / "result" / "summary.json").read_text(encoding="utf-8"))
+    assert [tissue["youngs_modulus"] for tissue in summary["tissues"]] == [130.0, 3.5, 10.0]
+    for name in ("tissue.vtu", "tissue.inp"):
+        assert main(["export", str(tmp_path / "result"), "--out", str(tmp_path / name)]) == 0
+    grid: Any = pyvista.read(tmp_path / "tissue.vtu")
+    tets = grid.extract_cells(grid.celltypes == pyvista.CellType.TETRA)
+    middles = tets.cell_centers().points
+    np.testing.assert_allclose(middles, centres, atol=1e-4)
+    np.testing.assert_array_equal(tets.cell_data["tissue"], labels)
+    deck = (tmp_path / "tissue.inp").read_text(encoding="utf-8").upper()
+    moduli = re.findall(r"\*MATERIAL, NAME=.*\n\*ELASTIC\n([^,]+),", deck)
+    assert sorted(map(float, moduli)) == pytest.approx([0.0035, 0.01, 0.13])  # MPa
+
+
+def test_the_baseline_of_a_cohort_is_measured_with_the_landmarks_after_surgery() -> None:
+    """Where surgery turns the whole of her, the spline carries her skin along, and no rotation changes."""
+    case = known_case()[0]
+    turn = Rotation.from_euler("z", 12.0, degrees=True)
+    turned = replace(case.landmarks_before, points=turn.apply(case.landmarks_before.points + 30.0))
+    carried = one_case._carried(replace(case, landmarks_after=turned), measure(case.skin, case.landmarks_before))
+    rotations = {row.level: row.value for row in carried if row.quantity == "bsr_deg"}
+    assert rotations == pytest.approx(BEFORE.rotations, abs=0.05)
+
+
+def test_the_row_of_a_cohort_has_her_numbers(judged: Shown, tmp_path: Path) -> None:
+    study = Study(patient="P7", pose="surgery", months_after=6.0, synthetic=True)
+    case = replace(known_case(actual=ACTUAL)[0], study=study)
+    row = one_case._row(case, tmp_path / "folder", read_result(judged.folder))
+    assert (row.folder, row.patient, row.case, row.status) == ("folder", "P7", "known patient", "CONVERGED")
+    assert (row.synthetic, row.months_after, row.pose) == (True, 6.0, "surgery")
+    assert row.cobb_deg == pytest.approx(40.0)
+    assert row.correction_percent == pytest.approx(100.0 * (1.0 - 17.0 / 40.0))
+    assert row.tets == len(known_case()[1].tets)
+    rotations = {(each.state, each.level): each.value for each in row.measures if each.quantity == "bsr_deg"}
+    for state, shape in (("before", BEFORE), ("predicted", AFTER), ("actual", ACTUAL)):
+        own = {level: rotations[state, level] for level in LEVELS}
+        assert own == pytest.approx(shape.rotations, abs=0.06), state
+    of_levels = errors([row]).filter(guess="predicted").select("level", "error").rows()
+    for level, error in of_levels:
+        assert error == pytest.approx(AFTER.rotations[level] - ACTUAL.rotations[level], abs=0.06)
+    assert {level for level, _ in of_levels} == set(LEVELS)

@@ -1,5 +1,8 @@
 """The commands that make a case of bones, films, a label map and a scan of the back."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -74,6 +77,16 @@ def test_triangulate_writes_landmarks_that_a_case_reads(tmp_path, capsys) -> Non
     assert "Reprojection error: mean 0.00" in said
 
 
+def test_triangulate_names_the_landmark_that_is_off_most(tmp_path, capsys) -> None:
+    first, second = biplanar(straight_trunk()[2])
+    points = first.points.copy()
+    points[7] += [0.0, 3.0]  # along the spine, which both films see
+    films = write_films(tmp_path, (replace(first, points=points), second))
+    assert main(["triangulate", *films, "--out", str(tmp_path / "landmarks.csv")]) == 0
+    said = capsys.readouterr().out
+    assert re.search(rf"Reprojection error: mean 0\.0\d, largest \d\.\d+ .*\({first.names[7]}\)", said), said
+
+
 def test_register_writes_the_skin(tmp_path, capsys) -> None:
     skin = straight_trunk()[0]
     rows = np.arange(0, len(skin.vertices), len(skin.vertices) // 20)
@@ -88,6 +101,28 @@ def test_register_writes_the_skin(tmp_path, capsys) -> None:
     assert "Rigid part: turns by 0.00 degrees" in capsys.readouterr().out
     moved = read_surface(tmp_path / "skin.ply").vertices
     np.testing.assert_allclose(moved - skin.vertices, np.tile([5.0, -80.0, 2.0], (len(moved), 1)), atol=1e-7)
+
+
+def test_fit_atlas_writes_every_bone_where_its_landmarks_say(tmp_path, capsys) -> None:
+    """A patient who is larger in height than in width, on whom a linear drift puts every vertex exactly."""
+    _, bones, marks = straight_trunk()
+    for name in ("T7", "T8", "rib_left_08"):
+        write_surface(tmp_path / "bones" / f"{name}.ply", bones[name])
+    size, place = np.array([1.02, 1.04, 1.1]), np.array([3.0, -7.0, 20.0])
+    write_landmarks(tmp_path / "atlas.csv", marks)
+    write_landmarks(tmp_path / "patient.csv", Landmarks(marks.names, marks.points * size + place))
+    out = tmp_path / "new" / "bones"
+    flags = ["--bones", "bones", "--atlas", "atlas.csv", "--patient", "patient.csv", "--out", "new/bones"]
+    flags = [flag if flag.startswith("--") else str(tmp_path / flag) for flag in flags]
+    assert main(["fit-atlas", *flags]) == 0
+    for name in ("T7", "T8", "rib_left_08"):
+        written = read_surface(out / f"{name}.ply").vertices
+        np.testing.assert_allclose(written, bones[name].vertices * size + place, atol=1e-2)
+    head, *rows = (out / "atlas_fit.csv").read_text(encoding="utf-8").splitlines()
+    assert head == "name,error,error_left_out"
+    assert {row.split(",")[0] for row in rows} <= set(marks.names)
+    assert max(float(row.split(",")[1]) for row in rows) < 0.01
+    assert str(out) in capsys.readouterr().out
 
 
 @pytest.fixture(scope="module")

@@ -55,16 +55,6 @@ def test_readme_names_every_command() -> None:
     assert [name for name in COMMANDS if f"`{name}`" not in table] == []
 
 
-def test_records_of_the_data_flow_are_in_the_program_and_named_once() -> None:
-    flow = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").split("```text")[1].split("```")[0]
-    source = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "warp_trunk").rglob("*.py"))
-    names = set(re.findall(r"\b[A-Z]\w+", flow)) - {"Dask"}
-    assert "PreparedPatient" in names
-    assert [name for name in names if not re.search(rf"^(class {name}\b|{name} = )", source, re.MULTILINE)] == []
-    made = re.findall(r"─▶ ([A-Z]\w+)", flow)
-    assert [name for name in set(made) if made.count(name) > 1] == ["Case"]  # a plan makes another one
-
-
 def test_every_status_has_advice() -> None:
     assert {status.name for status in RelaxStatus} <= {
         line.split("|")[1].strip()

@@ -10,18 +10,11 @@ from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
-import pytest
-
 import warp_trunk.engine
 
 ENGINE = Path(warp_trunk.engine.__path__[0])
 KERNELS = Path(importlib.import_module("warp_trunk.kernels").__path__[0])
 GLOSSARY = (Path(__file__).parents[2] / "docs" / "solver.md").read_text(encoding="utf-8").split("\n\n")[1]
-SEVERAL_MEANINGS = {"left", "norm"}
-"""Words that had several meanings; no field or argument is called so."""
-EACH_ENERGY = {"VOLUME", "GRAVITY"}
-"""Columns of sums, which every energy numbers for itself."""
-
 UNIT = r"\[[^\]]+\]|\b([Pp]art|[Ff]raction|[Rr]elative|[Rr]oundings|chance|[Ss]tandard deviations|[Nn]umber of)\b"
 """A unit in brackets, or words for a number without one."""
 
@@ -56,20 +49,6 @@ def test_what_the_glossary_names_exists_with_its_unit() -> None:
             assert member in classes[owner], f"{term}: {owner} has no {member}"
 
 
-def test_a_constant_has_one_value_in_all_files() -> None:
-    values: dict[str, set[str]] = defaultdict(set)
-    for module in modules():
-        for node in module.body:
-            if not isinstance(node, ast.Assign):
-                continue
-            for target in node.targets:
-                for name in target.elts if isinstance(target, ast.Tuple) else [target]:
-                    if isinstance(name, ast.Name) and name.id.isupper():
-                        values[name.id].add(ast.unparse(node.value))
-    twice = {name: various for name, various in values.items() if len(various) > 1 and len(name) > 1}
-    assert set(twice) <= EACH_ENERGY, twice
-
-
 def test_every_real_field_states_its_unit_or_of_what_it_is_a_part() -> None:
     without = []
     for module in modules():
@@ -80,12 +59,3 @@ def test_every_real_field_states_its_unit_or_of_what_it_is_a_part() -> None:
                     if not re.search(UNIT, meaning) and "Callable" not in ast.unparse(field.annotation):
                         without.append(f"{owner.name}.{ast.unparse(field.target)}")
     assert not without
-
-
-@pytest.mark.parametrize("word", sorted(SEVERAL_MEANINGS))
-def test_no_field_or_argument_has_a_name_of_several_meanings(word: str) -> None:
-    assert not [owner for owner, names in members().items() if word in names]
-    for module in modules():
-        for node in ast.walk(module):
-            if isinstance(node, ast.arguments):
-                assert word not in [argument.arg for argument in (*node.args, *node.kwonlyargs)]

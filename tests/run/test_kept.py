@@ -1,4 +1,5 @@
-"""Meshes and compiled kernels are made again where anything changes on which they depend, and only there.
+"""Meshes, compiled kernels, the patient that plans share and the live page's plans are made again where anything
+changes on which they depend, and only there.
 
 The things are the fields of the records; a new field fails until it is decided here.
 """
@@ -6,20 +7,26 @@ The things are the fields of the records; a new field fails until it is decided 
 import shutil
 from dataclasses import fields, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import warp_trunk.kernels
 
 from support.changed_cases import CASE, CHANGES, EXECUTION, EXECUTION_WITHOUT, RUN, RUN_ELSEWHERE
-from warp_trunk.case import Case
+from warp_trunk.bone_motion.plan import Plan, write_plan
+from warp_trunk.case import Case, write_case
+from warp_trunk.errors import InputError
+from warp_trunk.live.saved_plans import SavedPlans
 from warp_trunk.meshing import MeshOptions, build
 from warp_trunk.run import patient, warming
 from warp_trunk.run.options import Execution, RunOptions
-from warp_trunk.run.patient import mesh_patient
+from warp_trunk.run.patient import PreparedPatient, mesh_patient
 
 MESHED = {"skin", "bones"}
 """Fields of a case on which its mesh depends."""
+MODELLED = {*MESHED, "tissue", "layers"}
+"""Those on which her model depends, too."""
 MESH: dict[str, Any] = {
     "tets": 9000, "bone_margin": 3.0, "bone_voxel": 5.0, "bone_edge_length": 9.0, "bone_tolerance": 1.5,
     "radius_edge_ratio": 1.8,
@@ -113,3 +120,32 @@ def test_kernels_are_compiled_again_where_their_text_changed(
         file.write_bytes(text + b"# changed\n")
         assert marker(PLAIN) != first, file.name
         file.write_bytes(text)
+
+
+@pytest.mark.parametrize("field", CHANGES)
+def test_plans_share_a_patient_where_mesh_and_model_are_the_same(field: str) -> None:
+    patient: Any = SimpleNamespace(case=CASE)
+    for value in CHANGES[field]:
+        other = replace(CASE, **{field: value})
+        if field in MODELLED:
+            with pytest.raises(
+                InputError, match=r"must be of the same anatomy and tissue .*; simulate it on its own"
+            ):
+                PreparedPatient.check(patient, other)
+        else:
+            PreparedPatient.check(patient, other)
+
+
+@pytest.mark.parametrize("field", CHANGES)
+def test_the_live_page_takes_plans_of_the_same_landmarks_and_plans_them_anew(field: str, tmp_path: Path) -> None:
+    """Their skins are not kept: each is relaxed in the tissue of the page that is open."""
+    if field in {"points", "motions"}:
+        pytest.skip("of a part of the body without a spine")
+    for number, value in enumerate(CHANGES[field]):
+        folder = tmp_path / str(number)
+        case = replace(CASE, **{field: value})
+        write_case(folder / "mine", case)
+        write_plan(folder / "mine" / "plan.toml", Plan(uiv="T4", liv="L1"))
+        saved = SavedPlans(folder, CASE)
+        assert saved.names == (() if field == "landmarks_before" else ("mine",)), value
+        assert saved.views == {}

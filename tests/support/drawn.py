@@ -19,17 +19,24 @@ PIXEL = base64.b64decode(
 
 @contextmanager
 def drawn_figures() -> Iterator[dict[str, Any]]:
-    """The figures that are written as PNG meanwhile, by the names of their files; no pixels are drawn."""
+    """The figures that are written as PNG meanwhile, by the names of their files, "" for one alone; no pixels are
+    drawn."""
     figures: dict[str, Any] = {}
 
     def save(figure: Figure, file: Any, *, format: str, metadata: dict[str, Any], **_: Any) -> None:
-        if source := metadata.get("Source"):
-            figures[source.rpartition(" ")[2]] = figure
+        if format == "png":
+            figures[(metadata["Source"] or "").rpartition(" ")[2]] = figure
         file.write(PIXEL if format == "png" else b"<svg/>")
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Figure, "savefig", save)
         yield figures
+
+
+def pixels(axes: Any) -> np.ndarray:
+    """The picture of a panel: red, green, blue and opacity, from 0 to 1, shape (rows, columns, 4)."""
+    image = np.array(axes.images[0].get_array())
+    return image / 255.0 if image.dtype == np.uint8 else np.nan_to_num(image)
 
 
 def place(axes: Any, x: float, y: float) -> tuple[float, float]:

@@ -19,6 +19,7 @@ from support.meshes import trunk, with_skin
 from support.small_trunk import made_up_increments
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.case.layers import Layers
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.parallel import Parallel
 from warp_trunk.engine.physics import Physics
@@ -123,6 +124,9 @@ AFTER = Shape(
     shoulders=0.03,
 )
 
+ACTUAL = replace(AFTER, back={"T1": 1.6, "T8": 9.8, "T12": -0.3, "L3": -12.2, "L5": -2.7}, shoulders=0.05)
+"""The skin as it was scanned after surgery, with the spine as it was planned."""
+
 
 def known_mesh(after: Shape = AFTER, *, mirrored: bool = False) -> tuple[TrunkMesh, np.ndarray]:
     """The tissue before surgery, about 4,000 tetrahedra round a zigzag of bone, and its displacement [mm]."""
@@ -156,15 +160,21 @@ def exchange_sides(text: str) -> str:
     return text.replace("left", "\0").replace("right", "left").replace("\0", "right")
 
 
-def known_case(after: Shape = AFTER, *, mirrored: bool = False) -> tuple[Case, TrunkMesh, np.ndarray]:
-    """The case, its mesh and the displacement after surgery [mm]."""
+def known_case(
+    after: Shape = AFTER, *, mirrored: bool = False, actual: Shape | None = None
+) -> tuple[Case, TrunkMesh, np.ndarray]:
+    """The case, perhaps with an actual skin, its mesh and the displacement after surgery [mm]."""
     mesh, displacement = known_mesh(after, mirrored=mirrored)
     before, planned = BEFORE.landmarks, after.landmarks
     if mirrored:
         before, planned = mirror_image(before), mirror_image(planned)
     skin = Surface(mesh.nodes[mesh.skin_nodes], mesh.skin_faces)
     bone = Surface(skin.vertices * 0.05 + [0.0, 20.0, 200.0], skin.faces)
-    return Case("known patient", skin, {"T8": bone}, before, planned), mesh, displacement
+    case = Case("known patient", skin, {"T8": bone}, before, planned)
+    if actual is not None:
+        moved = known_mesh(actual, mirrored=mirrored)[1]
+        case = replace(case, actual_skin=skin.moved((mesh.nodes + moved)[mesh.skin_nodes]))
+    return case, mesh, displacement
 
 
 def known_increments(displacement: np.ndarray, mesh: TrunkMesh) -> list[Any]:
@@ -173,12 +183,23 @@ def known_increments(displacement: np.ndarray, mesh: TrunkMesh) -> list[Any]:
 
 
 def write_known_result(
-    folder: Path, after: Shape = AFTER, *, mirrored: bool = False, intervals: FoundBands | None = None
+    folder: Path,
+    after: Shape = AFTER,
+    *,
+    mirrored: bool = False,
+    intervals: FoundBands | None = None,
+    actual: Shape | None = None,
+    layered: tuple[Case, TrunkMesh] | None = None,
 ) -> Path:
-    """The folder of her result."""
-    case, mesh, displacement = known_case(after, mirrored=mirrored)
+    """The folder of her result; the case and its mesh may have layers."""
+    case, mesh, displacement = known_case(after, mirrored=mirrored, actual=actual)
+    tissues = case.tissue
+    if layered is not None:
+        case, mesh = layered
+        tissues = (case.layers or Layers()).tissues(case.tissue)
     model = build_model(
         mesh,
+        tissues,
         physics=Physics(energy="itmsm", skin_rigidity=0.0),
         device=Parallel("cpu", 1),
         precision="float64",

@@ -138,10 +138,12 @@ class Scene:
         bones = rr.Mesh3D.from_fields(vertex_positions=moved, vertex_normals=normals)
         self._log(f"{when}/bones", bones, static=static)
         points = np.array(landmarks, np.float32)
-        marks = rr.Points3D(points, radii=2.5, colors=NOW, labels=list(names), show_labels=False)
-        self._log(f"{when}/landmarks", marks, static=static)
+        drawn = rr.Points3D(points, radii=2.5, colors=NOW, labels=list(names), show_labels=False)
+        self._log(f"{when}/landmarks", drawn, static=static)
         if self._case.has_spine:
-            middles = Landmarks(names, landmarks).middles().astype(np.float32)
+            marks = Landmarks(names, landmarks)
+            middle_of = dict(zip(marks.vertebrae(), marks.middles(), strict=True))
+            middles = np.array([middle_of[level] for level in self._levels], np.float32).reshape(-1, 3)
             beside = middles.copy()
             beside[:, 0] = self._low[0] - BESIDE
             joined = self._fused if when != "before" else ()

@@ -8,7 +8,6 @@ import pytest
 from support.meshes import block
 from support.models import evaluated, held_turned, model_of, on_host
 from warp_trunk.engine.linear import BlockMatrix
-from warp_trunk.engine.state import MatrixState
 from warp_trunk.engine.work import Work
 
 TRUNK = block((2, 2, 2))
@@ -112,9 +111,3 @@ def test_grids_that_follow_a_hessian_are_those_at_rest_in_the_next_relaxation() 
     move(work, 10.0)
     assert not work.matrix_state.grids_follow
     np.testing.assert_array_equal(work.preconditioner._grids.numpy(), rest)
-
-
-def test_a_matrix_that_was_never_assembled_holds_nothing() -> None:
-    assert not MatrixState().holds(False, None)
-    assert MatrixState(true=True, version=3).holds(True, 3)
-    assert not MatrixState(true=True, version=3).holds(True, 4)

@@ -1,0 +1,62 @@
+"""A plugin of pytest for sample_mutants.py: coverage by test and by shared fixture, and the seconds of each."""
+
+import json
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import coverage
+import pytest
+
+_tests: dict[str, tuple[float, list[str]]] = {}
+_fixtures: dict[str, float] = {}
+_current = [""]
+"""The context, innermost last."""
+
+
+def _switch() -> None:
+    if measuring := coverage.Coverage.current():
+        measuring.switch_context(_current[-1])
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: Any) -> Iterator[None]:
+    before, started = sum(_fixtures.values()), time.perf_counter()
+    _current.append(item.nodeid)
+    _switch()
+    try:
+        return (yield)
+    finally:
+        _current.pop()
+        _switch()
+        shared = [_name(definition[-1]) for definition in item._fixtureinfo.name2fixturedefs.values()
+                  if definition[-1].scope != "function"]  # fmt: skip
+        alone = time.perf_counter() - started - (sum(_fixtures.values()) - before)
+        _tests[item.nodeid] = (round(alone, 3), [name for name in shared if name in _fixtures])
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_fixture_setup(fixturedef: Any) -> Iterator[Any]:
+    if fixturedef.scope == "function":
+        return (yield)
+    name, inner, started = _name(fixturedef), sum(_fixtures.values()), time.perf_counter()
+    _current.append(name)
+    _switch()
+    try:
+        return (yield)
+    finally:
+        _current.pop()
+        _switch()
+        alone = time.perf_counter() - started - (sum(_fixtures.values()) - inner)
+        _fixtures[name] = round(_fixtures.get(name, 0.0) + alone, 3)
+
+
+def _name(fixturedef: Any) -> str:
+    return f"fixture {fixturedef.baseid} {fixturedef.argname}"
+
+
+def pytest_sessionfinish() -> None:
+    text = json.dumps({"tests": _tests, "fixtures": _fixtures})
+    Path(os.environ["MUTANT_SECONDS"]).write_text(text + "\n", encoding="utf-8", newline="\n")
