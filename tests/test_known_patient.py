@@ -566,22 +566,25 @@ def judged(tmp_path_factory: pytest.TempPathFactory) -> Shown:
 
 def test_the_actual_back_stands_beside_the_prediction_with_its_error(judged: Shown) -> None:
     heads = judged.page.rows["level"]
-    assert heads[:5] == ["before surgery", "predicted", "change", "actual", "error"]
+    assert heads[:5] == ["before surgery", "predicted", "change", "actual, after surgery", "error"]
     for level in LEVELS:
         was, will, really = (shape.rotations[level] for shape in (BEFORE, AFTER, ACTUAL))
         cells = judged.page.rows[level]
         assert [*cells[:2], cells[3]] == [judged.sided(value) for value in (was, will, really)]
-        assert float(cells[4]) == pytest.approx(will - really, abs=0.06)
-    assert judged.page.rows["Rotation of the back (BSR) at T8 [°]"][3] == "9.8 right"
+        assert float(cells[4]) == pytest.approx(abs(will - really), abs=0.06)
+    for part, levels in (("T3-T12", LEVELS[2:12]), ("L1-L5", LEVELS[12:])):
+        (mean,) = judged.page.rows[f"Rotation of the back, mean absolute error {part} [°]"]
+        errors_of_part = [abs(AFTER.rotations[level] - ACTUAL.rotations[level]) for level in levels]
+        assert float(mean.split(" ± ")[0]) == pytest.approx(np.mean(errors_of_part), abs=0.03)
     panels = [axes for axes in judged.figures["sections"].axes if axes.get_title(loc="left")]
     for axes in panels:
         level = axes.get_title(loc="left")
         assert axes.get_title(loc="right").endswith(f"({judged.sided(ACTUAL.rotations[level])})")
     titles = [axes.get_title() for axes in judged.figures["hump"].axes[:3]]
-    assert titles == ["Before surgery", "Predicted", "Actual"]
+    assert titles == ["Before surgery", "Predicted", "Actual, after surgery"]
     (axes,) = judged.figures["rotation"].axes
     lines = {str(line.get_label()): line.get_xdata() for line in axes.lines}
-    np.testing.assert_allclose(lines["actual"], [*ACTUAL.rotations.values()], atol=0.05)
+    np.testing.assert_allclose(lines["actual, after surgery"], [*ACTUAL.rotations.values()], atol=0.05)
     summary = json.loads((judged.folder / "summary.json").read_text(encoding="utf-8"))
     by_state = {
         (row["state"], row["level"]): row["value"] for row in summary["measures"] if row["quantity"] == "bsr_deg"

@@ -106,6 +106,7 @@ def test_register_writes_the_skin(tmp_path, capsys) -> None:
 def test_fit_atlas_writes_every_bone_where_its_landmarks_say(tmp_path, capsys) -> None:
     """A patient who is larger in height than in width, on whom a linear drift puts every vertex exactly."""
     _, bones, marks = straight_trunk()
+    (tmp_path / "bones").mkdir()
     for name in ("T7", "T8", "rib_left_08"):
         write_surface(tmp_path / "bones" / f"{name}.ply", bones[name])
     size, place = np.array([1.02, 1.04, 1.1]), np.array([3.0, -7.0, 20.0])

@@ -22,7 +22,7 @@ from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.errors import InputError
 from warp_trunk.results import Result, read_result
-from warp_trunk.run.best_plan import Aim, BestPlan, PlanTrial, Search, best_plan, best_plan_text, gain_sd
+from warp_trunk.run.best_plan import Aim, PlanTrial, Search, best_plan, best_plan_text, gain_sd
 from warp_trunk.run.options import Execution, RunOptions
 from warp_trunk.run.patient import PreparedPatient, patient_of
 from warp_trunk.run.progress import Progress
@@ -168,11 +168,6 @@ def patient(tolerance: float = 0.01) -> PreparedPatient:
     return patient_of(CASE, options, execution=Execution(device="cpu"))
 
 
-@cache
-def best_of_box(aim: Aim = "bsr") -> BestPlan:
-    return best_plan(patient(), PLAN, BOUNDS, aim)
-
-
 @pytest.mark.parametrize("aim", ["bsr", "hump"])
 def test_slopes_against_differences_of_whole_simulations(aim: Aim) -> None:
     search, exact = Search(CASE, PLAN, aim, BOUNDS), patient(1e-6)
@@ -189,7 +184,7 @@ def test_slopes_against_differences_of_whole_simulations(aim: Aim) -> None:
 
 @pytest.mark.slow
 def test_it_is_better_than_every_plan_of_a_grid_in_few_relaxations() -> None:
-    best = best_of_box()
+    best = best_plan(patient(), PLAN, BOUNDS, "bsr")
     assert len(best.trials) < 10
     assert all(b.low <= share <= b.high for b, share in zip(BOUNDS, best.best.shares, strict=True))
     assert best.best.value < best.start.value
@@ -213,8 +208,8 @@ def test_a_plan_outside_the_bounds_is_told_but_not_proposed() -> None:
 
 def test_what_two_plans_share_does_not_blur_the_gain() -> None:
     """Of a plan against itself only the mesh is left where surgery meets it, and else each surgery's own miss."""
-    best, trial = best_of_box(), best_of_box().start
-    search = best.search
+    search = Search(CASE, PLAN, "bsr", BOUNDS)
+    trial = PlanTrial(search, patient(), (0.5, 0.3))
     met = replace(CASE, uncertainty=replace(CASE.uncertainty, cobb=0.0, rotation=0.0))
     met_trial = PlanTrial(replace(search, case=met), patient(), trial.shares)
     met_sd = gain_sd(replace(search, case=met), met_trial, met_trial)
