@@ -124,7 +124,7 @@ AFTER = Shape(
     shoulders=0.03,
 )
 
-ACTUAL = replace(AFTER, back={"T1": 1.6, "T8": 9.8, "T12": -0.3, "L3": -12.2, "L5": -2.7}, shoulders=0.05)
+ACTUAL = replace(AFTER, back={"T1": 1.6, "T8": 9.8, "T12": -0.6, "L3": -12.2, "L5": -2.8}, shoulders=0.05)
 """The skin as it was scanned after surgery, with the spine as it was planned."""
 
 
