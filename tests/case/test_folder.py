@@ -1,5 +1,7 @@
 """A case folder is written and read back; names of its files that are nearly those of bones."""
 
+import os
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +21,7 @@ from warp_trunk.case.rib_coupling import RibCoupling
 from warp_trunk.case.uncertainty import Invented, Uncertainty
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.file_names import name_of
 
 
 def assert_equal(first: Case, other: Case) -> None:
@@ -150,3 +153,12 @@ def test_every_field_of_a_case_comes_back_from_its_folder(tmp_path: Path) -> Non
     assert difference(fingerprint_of(case), fingerprint_of(whole))
     write_case(tmp_path, whole)
     assert difference(fingerprint_of(whole), fingerprint_of(read_case(tmp_path))) == ""
+
+
+@pytest.mark.skipif(os.name == "nt" or sys.platform == "darwin", reason="this system has names of text only")
+def test_a_folder_whose_name_is_not_utf_8_is_a_case(tmp_path: Path) -> None:
+    folder = Path(os.fsdecode(os.fsencode(tmp_path) + b"/p\xe9"))
+    write_case(folder, replace(small_case(), name=name_of(folder)))
+    assert read_case(folder).name == "p\ufffd"
+    (folder / "case.toml").unlink()
+    assert read_case(folder).name == "p\ufffd"

@@ -185,3 +185,8 @@ def test_a_plait_is_found_before_a_sparser_wall(true_rotations):
     back = measured(np.vstack([scan(hair=plait("round")), SURROUNDINGS["a wall 200 mm in front"]]))
     assert np.nanmax(errors(back, true_rotations)) < 1.0
     assert not_none(back.scan).stands
+
+
+def test_points_in_too_few_places_are_no_back():
+    with pytest.raises(InputError, match="lie in 1 places 3 mm apart, and a back needs 100"):
+        find_back(np.tile([0.0, 1.0, 0.0], (5000, 1)), LINE, LEFT)

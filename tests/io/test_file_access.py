@@ -84,6 +84,11 @@ PLY = f"ply\nformat ascii 1.0\nelement vertex 3\n{_AXES}property uchar red\nend_
         ("a.xyz", "\n".join(" ".join(map(str, p)) + " 255 0 0" for p in POINTS)),
         ("a.csv", "x,y,z\n" + "\n".join(",".join(map(str, p)) for p in POINTS)),
         ("a.txt", "# scan\n" + "\n".join("; ".join(map(str, p)) for p in POINTS)),
+        (
+            "b.csv",
+            '"Normals:0","Normals:1","Points:0","Points:1","Points:2"\n'
+            + "\n".join("0,1," + ",".join(map(str, p)) for p in POINTS),
+        ),
         ("a.pts", "3\n" + "\n".join(" ".join(map(str, p)) + " 100" for p in POINTS)),
         ("b.xyz", "nan nan nan\n" + "\n".join(" ".join(map(str, p)) for p in POINTS) + "\n-nan(ind) nan NaN"),
         (
@@ -99,6 +104,11 @@ PLY = f"ply\nformat ascii 1.0\nelement vertex 3\n{_AXES}property uchar red\nend_
 def test_points_are_read_from_every_format(tmp_path, name, text):
     (tmp_path / name).write_text(text, encoding="utf-8")
     assert np.array_equal(read_points(tmp_path / name), POINTS)
+
+
+def test_a_text_of_utf_16_is_read(tmp_path):
+    (tmp_path / "a.txt").write_text("\n".join(" ".join(map(str, p)) for p in POINTS), encoding="utf-16")
+    assert np.array_equal(read_points(tmp_path / "a.txt"), POINTS)
 
 
 def test_an_open_surface_gives_its_vertices_and_the_middles_of_its_triangles(tmp_path):

@@ -12,6 +12,7 @@ from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import partial
+from warp_trunk.io.file_names import name_of
 from warp_trunk.io.records import as_record, read_toml, toml_text
 from warp_trunk.io.surface_files import in_lps, read_stated
 
@@ -88,7 +89,7 @@ def read_header(path: Path) -> CaseHeader:
         table = read_toml(path, "the header of a case was expected")
     elif partial(path).exists():
         raise InputError(f"{path}: is missing, as writing this case did not end; write the case again")
-    return as_record({"name": path.resolve().parent.name} | table, CaseHeader, path)
+    return as_record({"name": name_of(path.resolve().parent)} | table, CaseHeader, path)
 
 
 def header_text(header: CaseHeader) -> str:

@@ -15,6 +15,7 @@ from warp_trunk.case.landmarks import Landmarks, read_landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.back_points import NOISY
 from warp_trunk.io.atomic_write import write_whole
+from warp_trunk.io.file_names import name_of
 from warp_trunk.io.point_files import read_back
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.measures.back import TURN
@@ -68,10 +69,10 @@ class FitBack:
                     body = made_body()
                 else:
                     bones = read_bones(self.atlas / "bones")
-                    body = atlas_body(read_surface(self.atlas / "skin.ply"), bones, self.atlas.resolve().name)
+                    body = atlas_body(read_surface(self.atlas / "skin.ply"), bones, name_of(self.atlas.resolve()))
             with progress.stage("fit", "fitting a body to the scan"):
-                files = str(self.back), str(self.spine), str(self.markers)
-                fit = fit_back(points, spine, markers, body, self.out.resolve().name, colours=colours, files=files)
+                files, name = (str(self.back), str(self.spine), str(self.markers)), name_of(self.out.resolve())
+                fit = fit_back(points, spine, markers, body, name, colours=colours, files=files)
             with progress.stage("write", f"writing {self.out}"):
                 from warp_trunk.report.fit_picture import fit_picture  # brings matplotlib
 

@@ -14,6 +14,7 @@ from warp_trunk.case import check_case, write_case
 from warp_trunk.case.folders import refuse_case
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import write_whole
+from warp_trunk.io.file_names import name_of
 from warp_trunk.preparation.label_maps import Imported, ImportOptions, import_case, read_source
 from warp_trunk.preparation.label_maps.sources import read_body, read_tissue
 from warp_trunk.run.progress import Progress
@@ -74,7 +75,7 @@ class Import:
 
                     body = body_in_scan(self.ct)
                 tissue = None if self.tissue is None else read_tissue(self.tissue)
-            name, stage = self.out.resolve().name, progress.stage
+            name, stage = name_of(self.out.resolve()), progress.stage
             made = import_case(source, body, name, self.options, tissue=tissue, cuts=cuts, stage=stage)
             with progress.stage("write", f"writing {self.out}"):
                 write_case(self.out, made.case)

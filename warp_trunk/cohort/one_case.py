@@ -16,6 +16,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.spline import fit_spline
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import json_text, write_whole
+from warp_trunk.io.file_names import name_of
 from warp_trunk.io.records import read_json
 from warp_trunk.io.result_files import MEASURES
 from warp_trunk.measures import measure
@@ -85,7 +86,7 @@ def do_case(folder: Path, out: Path, options: CohortOptions) -> CaseOutcome:
         reason = "not enough memory for this mesh; use fewer workers or tetrahedra"
     except Exception as error:  # one case must not end the others, whatever it is
         reason = f"{type(error).__name__}: {error}"
-    return CaseOutcome(row=CaseRow(folder=folder.name, status=FAILED, reason=" ".join(reason.split())))
+    return CaseOutcome(row=CaseRow(folder=name_of(folder), status=FAILED, reason=" ".join(reason.split())))
 
 
 def _do_case(folder: Path, out: Path, options: CohortOptions) -> CaseOutcome:
@@ -96,7 +97,7 @@ def _do_case(folder: Path, out: Path, options: CohortOptions) -> CaseOutcome:
     if earlier is not None:
         notice = difference(earlier.made_from, made_from)
         if not notice:
-            return CaseOutcome(row=dataclasses.replace(earlier.row, folder=folder.name), reused=True)
+            return CaseOutcome(row=dataclasses.replace(earlier.row, folder=name_of(folder)), reused=True)
     out.mkdir(parents=True, exist_ok=True)
     (out / JUDGED).unlink(missing_ok=True)
     with (out / LOG).open("a", encoding="utf-8", newline="\n") as log, Progress(log) as progress:
@@ -135,10 +136,10 @@ def _row(case: Case, folder: Path, result: Result) -> CaseRow:
     elif case.actual_skin is not None:  # the error, had one said that nothing changes
         of_errors += agreement(case.skin, case.actual_skin).measured(BEFORE)
     return CaseRow(
-        folder=folder.name,
+        folder=name_of(folder),
         status=summary.status.name,
         case=case.name,
-        patient=study.patient or folder.name,
+        patient=study.patient or name_of(folder),
         pose=study.pose,
         synthetic=study.synthetic,
         lenke=summary.lenke,

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from warp_trunk.case.folders import is_case, other_kind, refuse_case
 from warp_trunk.engine.parallel import choose_threads
 from warp_trunk.errors import InputError, MissingFileError
+from warp_trunk.io.file_names import name_of
 from warp_trunk.io.folders import make_writable
 from warp_trunk.run.warming import warm
 
@@ -78,7 +79,7 @@ def _lost(folder: Path, error: Exception) -> CaseOutcome:
     reason = f"{type(error).__name__}: {error}"
     if isinstance(error, KilledWorker):
         reason = "its worker was lost each time, likely for want of memory; use fewer workers or tetrahedra"
-    return CaseOutcome(row=CaseRow(folder=folder.name, status=FAILED, reason=" ".join(reason.split())))
+    return CaseOutcome(row=CaseRow(folder=name_of(folder), status=FAILED, reason=" ".join(reason.split())))
 
 
 def _warm_each_host(client: Client, options: CohortOptions) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from warp_trunk.errors import InputError
 
 from .raised import depth_grid, find_raised
-from .scanned_points import in_cubes, without_bumps
+from .scanned_points import SPACING, in_cubes, without_bumps
 from .surface import Surface, area_vectors
 
 WINDOW = 450.0
@@ -98,6 +98,9 @@ def find_back(points: np.ndarray, line: np.ndarray, across: np.ndarray, what: st
     if points.ndim != 2 or points.shape[1:] != (3,) or len(points) < FEWEST_SEEN or not np.isfinite(points).all():
         raise InputError(f"{what}: needs {FEWEST_SEEN} or more finite points of shape (n, 3), not {points.shape}")
     thin = in_cubes(points)[0]
+    if len(thin) < FEWEST_SEEN:
+        places = f"its {len(points)} points lie in {len(thin)} places {SPACING:g} mm apart"
+        raise InputError(f"{what}: {places}, and a back needs {FEWEST_SEEN}; give x, y and z in mm")
     seen = _from_behind(thin, across)
     to_line = seen - _line_at(line, across, thin[:, 2])
     usual = _usual_distance(thin)

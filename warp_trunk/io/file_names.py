@@ -51,6 +51,11 @@ def _fault(name: str) -> str:
     return ""
 
 
+def name_of(path: Path) -> str:
+    """The name of a file or folder as text that can be written: bytes that are not UTF-8 become U+FFFD."""
+    return path.name.encode("utf-8", "surrogateescape").decode("utf-8", "replace")
+
+
 def path_in(folder: Path, text: str) -> Path:
     """The file of a folder that a text file names, also with the backslashes of Windows."""
     return folder / text.replace("\\", "/")

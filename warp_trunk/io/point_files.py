@@ -85,7 +85,8 @@ def _parsed(ending: str, content: bytes, path: Path) -> tuple[np.ndarray, np.nda
 
 def _table(content: bytes) -> np.ndarray:
     """The points of a text, from the columns called x, y and z, or from the first three."""
-    text = content.decode("utf-8-sig", errors="replace")
+    wide = content[:2] in (b"\xff\xfe", b"\xfe\xff")  # as some editors and Excel write text
+    text = content.decode("utf-16" if wide else "utf-8-sig", errors="replace")
     lines = [line for line in (raw.strip() for raw in text.splitlines()) if line]
     rows = [line for line in lines if line[0] not in "#/"]
     first = rows[0] if rows and not _NUMERIC.match(rows[0]) else None
@@ -111,6 +112,8 @@ _NUMERIC = re.compile(r"[-+.,]?\d|[-+]?(?:nan|inf)\b", re.IGNORECASE)
 _ANY = re.compile(r"[,;\s]+")
 _UNIT = re.compile(r"[\[(][^\])]*[\])]|_mm\b", re.IGNORECASE)
 """The unit of a column in its title."""
+_OF_PARAVIEW = {f"points{mark}{number}": axis for mark in ":_" for number, axis in enumerate("xyz")}
+"""The columns of a table that ParaView exports."""
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?|[-+]?\d+")
 """A number as languages with decimal commas write it."""
 
@@ -138,6 +141,7 @@ def _columns(titles: list[list[str]]) -> tuple[int, int, int]:
     """The columns of x, y and z; the first three where no line of titles names one of them."""
     for words in titles:
         names = [word.strip("\"'").lower() for word in words]
+        names = [_OF_PARAVIEW.get(name, name) for name in names]
         at = [names.index(axis) if names.count(axis) == 1 else -1 for axis in "xyz"]
         if min(at) >= 0:
             return at[0], at[1], at[2]

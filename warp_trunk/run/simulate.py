@@ -24,7 +24,7 @@ from warp_trunk.checking import checked
 from warp_trunk.engine.parallel import choose_device, choose_threads
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import partial
-from warp_trunk.io.file_names import check_file_names
+from warp_trunk.io.file_names import check_file_names, name_of
 from warp_trunk.io.folders import locked, removed_if_empty
 from warp_trunk.io.result_files import RECORDING
 from warp_trunk.measures import measure
@@ -149,7 +149,7 @@ def simulate(
     if plan is None:
         return simulator.result(case, folder, warnings)
     if isinstance(plan, Plan):
-        name = f"{plan.uiv}-{plan.liv}" if folder is None else folder.resolve().name
+        name = f"{plan.uiv}-{plan.liv}" if folder is None else name_of(folder.resolve())
         planned = simulator.planned(case, _surgery(Planner(case), "", plan), name)
         return simulator.result(planned, folder, list(dict.fromkeys([*(warnings or ()), *check_case(planned)])))
     plans = plan if isinstance(plan, Mapping) else {str(n): each for n, each in enumerate(plan, start=1)}

@@ -199,7 +199,8 @@ def test_a_strap_turns_no_level(bare, strap):
     seen = [level for level, at in back.levels.items() if at and at.rotation is not None]
     assert len(seen) >= 12
     for level in seen:
-        assert not_none(back.levels[level]).rotation == pytest.approx(truth.levels[level].rotation, abs=1.0), level
+        rotation, expected = (not_none(measured.levels[level]).rotation for measured in (back, truth))
+        assert rotation == pytest.approx(expected, abs=1.0), level
 
 
 def test_a_back_with_a_plait_before_a_wall_is_fitted_as_it_is_without(bare, whole):

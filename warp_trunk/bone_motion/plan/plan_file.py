@@ -16,6 +16,7 @@ from warp_trunk.checking import checked
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import json_text, write_whole
 from warp_trunk.io.file_access import check_place, parsed_number, read_text
+from warp_trunk.io.file_names import name_of
 from warp_trunk.io.records import as_record, toml_table, toml_text
 from warp_trunk.io.result_files import MOST_PLAN, PLAN
 
@@ -104,7 +105,7 @@ def write_planned_case(folder: Path, case: Case, surgery: PlannedSurgery, name: 
         InputError: as `check_planned_folder` and `write_case`.
     """
     check_planned_folder(folder)
-    planned = planned_case(case, surgery, name or folder.resolve().name)
+    planned = planned_case(case, surgery, name or name_of(folder.resolve()))
     begin_case(folder)
     write_plan(folder / PLAN, surgery.plan)
     write_whole(folder / RECORD, json_text(surgery_record(surgery)))
