@@ -2,21 +2,29 @@
 
 from dataclasses import fields, replace
 from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from support.asserting import not_none
 from support.known_patient import known_case, known_mesh
+from support.meshes import nodes_of_bones
 from support.small_trunk import boned_case
+from warp_trunk.bone_motion.skeleton import Skeleton
+from warp_trunk.case import Case
 from warp_trunk.case.uncertainty import FACTORS, Uncertainty
 from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.geometry.surface import vertex_normals
 from warp_trunk.measures import measure
+from warp_trunk.preparation.deformity import SpineCurve, correct, impose
+from warp_trunk.preparation.phantom import straight_trunk
 from warp_trunk.run.intervals import find_bands
 from warp_trunk.run.options import Execution, RunOptions
 from warp_trunk.run.prediction import Prediction, prepare, prepare_plan
+from warp_trunk.run.sensitivities import landmark_derivative
 
 CERTAIN = Uncertainty(**{field.name: float(field.name in FACTORS) for field in fields(Uncertainty)})
 SPREAD = replace(CERTAIN, landmark_error=1.0, landmark_error_sd=0.7)
@@ -70,3 +78,30 @@ def test_a_likely_worse_back_has_the_larger_hump_on_either_side(mirrored: bool) 
         skin = replace(prediction.skin, vertices=prediction.skin.vertices + sign * effects.likely_worse)
         other = not_none(measure(skin, case.planned_landmarks).hump_height[level])
         assert sign * (abs(other) - abs(own)) > 0.5
+
+
+def test_errors_against_which_endplates_are_smoothed_turn_ribs_less_and_vertebrae_as_much() -> None:
+    """Ribs turn with the curves, and a smooth line holds less of the error of each endplate."""
+    skin, straight, marks = straight_trunk()
+    skin, bones, before = impose(skin, straight, marks, SpineCurve(cobb=50.0))
+    case = Case("errors", skin, bones, before, correct(marks, SpineCurve(cobb=20.0), 0.0))
+    trunk = nodes_of_bones(bones, 20)
+    prediction: Any = SimpleNamespace(
+        case=case,
+        trunk=trunk,
+        options=SimpleNamespace(bones="follow"),
+        patient=SimpleNamespace(skeleton=Skeleton(bones, before)),
+    )
+    names = ("rib_left_06", "rib_left_07", "rib_left_08", "T7")
+    weights = np.zeros((len(names), *trunk.nodes.shape))
+    for row, name in enumerate(names):
+        weights[row, trunk.bone == list(bones).index(name), 1] = 1.0 / 20.0
+
+    def deviations(error: float) -> np.ndarray:
+        """Of where each bone goes to the back [mm], for errors of 1 mm."""
+        by_before, by_after = landmark_derivative(prediction, error)(weights)
+        return np.sqrt((by_before**2 + by_after**2).sum(axis=(1, 2)))
+
+    smooth, rough = deviations(1.7), deviations(0.0)
+    assert (smooth[:3] < 0.97 * rough[:3]).all()
+    assert smooth[3] == pytest.approx(rough[3], rel=1e-9)
