@@ -168,6 +168,7 @@ BAD: list[tuple[str, dict[str, Any], str]] = [
     ("Landmarks", {"points": [[1, 2, np.nan]]}, "all finite, but number 0 is [1.0, 2.0, nan]"),
     ("Landmarks", {"names": ("a", "b")}, "must have a row for each name, not 1 for 2 names"),
     ("Landmarks", {"names": "a"}, "'names' must be a list, not 'a'"),
+    ("Landmarks", {"names": (7,)}, "'names[0]' must be a text, not 7"),
     ("Layers", {"skin_thickness": np.nan}, "layers: 'skin_thickness' must be from 0 to 200 mm, not nan"),
     ("Layers", {"constants": {"bone": {}}}, "layers: there is no layer 'bone'"),
     ("Layers", {"constants": {"fat": {"colour": 1.0}}}, "unknown key 'layers.fat.colour'"),

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
+from support.blocks import blocks
 from support.meshes import turned_about_z
 from support.phantoms import coarse_phantom
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.spine.spine import spine_of
-from warp_trunk.views.clothing import COLUMNS, Garment, _neckline
+from warp_trunk.views.clothing import COLUMNS, Garment, _neckline, soft
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +37,14 @@ def test_the_shirt_leaves_the_back_open_and_covers_the_front(garment: Garment) -
     assert shirt[:, 0].min() < spine - 100.0
     assert shirt[:, 0].max() > spine + 100.0
     assert shirt[:, 1].min() < case.skin.vertices[:, 1].min()
+
+
+def test_convex_edges_are_rounded_and_inner_ones_are_not() -> None:
+    step = blocks((((0, 0, 0), (60, 80, 30)), ((0, 0, 30), (30, 80, 60))))
+    part = soft(step)
+    for place, rounded in (((0.0, 40.0, 60.0), 1.0), ((30.0, 40.0, 60.0), 1.0), ((30.0, 40.0, 30.0), 0.0)):
+        (vertex,) = np.flatnonzero((step.vertices == place).all(axis=1))
+        assert part[vertex] == pytest.approx(rounded, abs=1e-4), place
 
 
 def test_shoulders_of_few_vertices_still_have_a_neckline() -> None:

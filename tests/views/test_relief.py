@@ -13,6 +13,7 @@ from support.trunk_shapes import posed
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures.quantities import Measured, MeasureTable
+from warp_trunk.report.panels import shaded
 from warp_trunk.report.spine_pictures import DEEP, FACES, WIDE, spine_picture, vertebra_boxes
 from warp_trunk.report.style import BEFORE
 from warp_trunk.views.hump import COLOUR_STEP, SCALE_END, hump_colours, hump_palette, side_difference
@@ -61,6 +62,16 @@ def test_depth_and_normals_are_those_of_a_slope(landmarks):
     np.testing.assert_allclose(back.depth, expected, atol=1e-3)
     direction = np.array([0.3, 1.0, 0.2]) / np.linalg.norm([0.3, 1.0, 0.2])
     np.testing.assert_allclose(back.normal, np.broadcast_to(direction, back.normal.shape), atol=1e-3)
+
+
+def test_the_uppermost_rows_are_those_of_a_lower_window_and_pixels_beside_the_trunk_are_clear(landmarks):
+    skin = sheet(lambda x, z: 80.0 - 0.3 * x - 0.2 * z)
+    seen = Window(np.arange(145.0, -146.0, -10.0), np.arange(400.0, 9.0, -10.0), 10.0)
+    whole, upper = relief(skin, landmarks, seen), relief(skin, landmarks, replace(seen, z=seen.z[:12]))
+    for name, image in vars(whole.uppermost(12)).items():
+        np.testing.assert_array_equal(image, getattr(upper, name), name)
+    opaque = shaded(whole)[:, :, 3]
+    np.testing.assert_array_equal(opaque, np.where(np.abs(seen.x) < 120.0, 255, 0) * np.ones_like(opaque))
 
 
 def test_sides_are_compared_about_a_spine_that_stands_aside(landmarks):
