@@ -37,13 +37,13 @@ def rest_force_derivative(model: Model, displacement: np.ndarray, move: np.ndarr
     Returns:
         Shape (free, 3).
     """
-    longest = float(np.linalg.norm(move, axis=1).max(initial=0.0))
-    if longest == 0.0:
+    length = float(longest(move))
+    if length == 0.0:
         return np.zeros_like(move)
     whole = np.zeros_like(displacement)
-    whole[model.free] = move * (MOVE[model.precision] / longest)
+    whole[model.free] = move * (MOVE[model.precision] / length)
     gradients = [_gradient(model, whole * sign, displacement) for sign in (1.0, -1.0)]
-    return (gradients[0] - gradients[1]) * (longest / (2.0 * MOVE[model.precision]))
+    return (gradients[0] - gradients[1]) * (length / (2.0 * MOVE[model.precision]))
 
 
 def _gradient(model: Model, move: np.ndarray, displacement: np.ndarray) -> np.ndarray:
