@@ -22,6 +22,7 @@ from warp_trunk.case.uncertainty import Invented, Uncertainty
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.file_names import name_of
+from warp_trunk.results.result import prepare_folder
 
 
 def assert_equal(first: Case, other: Case) -> None:
@@ -162,3 +163,5 @@ def test_a_folder_whose_name_is_not_utf_8_is_a_case(tmp_path: Path) -> None:
     assert read_case(folder).name == "p\ufffd"
     (folder / "case.toml").unlink()
     assert read_case(folder).name == "p\ufffd"
+    with pytest.raises(InputError, match="is no path in UTF-8, which the viewer's file needs"):
+        prepare_folder(folder.with_name(f"{folder.name}_result"))

@@ -241,6 +241,8 @@ def prepare_folder(folder: str | Path) -> Path:
     """
     folder = Path(folder)
     refuse_case(folder)
+    if any("\ud800" <= letter <= "\udfff" for letter in str(folder.absolute())):
+        raise InputError(f"{folder}: is no path in UTF-8, which the viewer's file needs; give --out another name")
     make_writable(folder, "a result")
     free = shutil.disk_usage(folder).free
     if free < LEAST_SPACE:
