@@ -10,7 +10,7 @@ import rerun as rr
 
 from support.known_patient import ACTUAL, AFTER, BEFORE, known_case, known_increments
 from support.rrd import column
-from support.small_trunk import measured, start_recording
+from support.small_trunk import made_up_increments, measured, start_recording
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_text
 from warp_trunk.case import Case
 from warp_trunk.measures.quantities import PREDICTED, Measured
@@ -136,8 +136,8 @@ def test_an_interval_is_a_whisker_over_the_bar_of_its_level(recorded: tuple[Path
     assert (actual[1, 0] - zero) / degree == pytest.approx(ACTUAL.rotations["T8"], abs=0.05)
 
 
-def test_what_is_known_before_surgery_leaves_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A first increment may take minutes, in which the viewer shows the patient."""
+def test_every_state_leaves_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An increment may take minutes, in which the viewer shows the patient, or the increment before."""
     calls, log, flush = list[str](), rr.RecordingStream.log, rr.RecordingStream.flush
 
     def logged(*arguments: Any, **more: Any) -> None:
@@ -153,5 +153,10 @@ def test_what_is_known_before_surgery_leaves_at_once(tmp_path: Path, monkeypatch
     case, mesh, _ = known_case()
     recording = start_recording(tmp_path / "r.rrd", case, mesh)
     assert calls.count("log") > 10
+    assert calls[-1] == "flush"
+    (increment,) = made_up_increments(mesh, count=1)
+    calls.clear()
+    recording.increment(increment, measured(case, mesh, increment))
+    assert calls.count("log") > 5
     assert calls[-1] == "flush"
     recording.close()

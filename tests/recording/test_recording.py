@@ -15,6 +15,7 @@ from rerun.chunk import RrdReader
 from support.rrd import column
 from support.small_trunk import made_up_increments, measured, small_case, start_recording
 from warp_trunk.bone_motion.prescribed_motion import spline_path
+from warp_trunk.engine.relaxation import Energy
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.recording.colours import GREY, SKIN, STRIPED
@@ -38,6 +39,9 @@ def record(path, case, trunk, increments, after_each=lambda increment: None, *, 
 def recorded(tmp_path_factory):
     case, trunk = small_case()
     increments = made_up_increments(trunk)
+    for number, made_up in enumerate(increments):
+        energy = Energy({**made_up.relaxation.energy.terms, "gravity": 0.0})
+        increments[number] = replace(made_up, relaxation=replace(made_up.relaxation, energy=energy))
     path = tmp_path_factory.mktemp("recording") / "recording.rrd"
     record(path, case, trunk, increments)
     return path, case, trunk, increments
@@ -192,6 +196,8 @@ def test_the_target_is_the_planned_spine_or_the_actual_skin(recorded, tmp_path):
     (faces,) = column(path, "/target/bones", "triangle_indices").values()
     bones = column(path, "/target/bones", "vertex_positions")[None]
     np.testing.assert_allclose(bones[faces], (trunk.nodes + planned)[trunk.bone_faces], atol=1e-4)
+    skin = column(path, "/target/skin", "vertex_positions")[None]
+    np.testing.assert_allclose(skin, (trunk.nodes + planned)[trunk.skin_nodes], atol=1e-4)
     actual = Surface(case.skin.vertices * [1.0, 1.1, 1.0], case.skin.faces[:, [1, 2, 0]])
     with_actual = replace(case, actual_skin=actual)
     start_recording(tmp_path / "a.rrd", with_actual, trunk).close()
