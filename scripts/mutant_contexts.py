@@ -3,7 +3,8 @@
 import json
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -21,36 +22,40 @@ def _switch() -> None:
         measuring.switch_context(_current[-1])
 
 
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_protocol(item: Any) -> Iterator[None]:
-    before, started = sum(_fixtures.values()), time.perf_counter()
-    _current.append(item.nodeid)
+@contextmanager
+def _within(context: str) -> Iterator[Callable[[], float]]:
+    """Covers by a context; yields the seconds since then without those of shared fixtures."""
+    inner, started = sum(_fixtures.values()), time.perf_counter()
+    _current.append(context)
     _switch()
     try:
-        return (yield)
+        yield lambda: time.perf_counter() - started - (sum(_fixtures.values()) - inner)
     finally:
         _current.pop()
         _switch()
-        shared = [_name(definition[-1]) for definition in item._fixtureinfo.name2fixturedefs.values()
-                  if definition[-1].scope != "function"]  # fmt: skip
-        alone = time.perf_counter() - started - (sum(_fixtures.values()) - before)
-        _tests[item.nodeid] = (round(alone, 3), [name for name in shared if name in _fixtures])
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: Any) -> Iterator[None]:
+    with _within(item.nodeid) as alone:
+        try:
+            return (yield)
+        finally:
+            definitions = [chain[-1] for chain in item._fixtureinfo.name2fixturedefs.values()]
+            shared = [_name(fixture) for fixture in definitions if fixture.scope != "function"]
+            _tests[item.nodeid] = (round(alone(), 3), [name for name in shared if name in _fixtures])
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_fixture_setup(fixturedef: Any) -> Iterator[Any]:
     if fixturedef.scope == "function":
         return (yield)
-    name, inner, started = _name(fixturedef), sum(_fixtures.values()), time.perf_counter()
-    _current.append(name)
-    _switch()
-    try:
-        return (yield)
-    finally:
-        _current.pop()
-        _switch()
-        alone = time.perf_counter() - started - (sum(_fixtures.values()) - inner)
-        _fixtures[name] = round(_fixtures.get(name, 0.0) + alone, 3)
+    name = _name(fixturedef)
+    with _within(name) as alone:
+        try:
+            return (yield)
+        finally:
+            _fixtures[name] = round(_fixtures.get(name, 0.0) + alone(), 3)
 
 
 def _name(fixturedef: Any) -> str:
