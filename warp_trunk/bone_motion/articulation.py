@@ -5,25 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import repeat
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warp_trunk.case.anatomy import THORACIC, is_bone_name
+from warp_trunk.case.case import Pose
 from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.case.rib_coupling import RibCoupling
 from warp_trunk.geometry.rigid import NamedMotions, RigidMotion, rotated, smallest_turn
-from warp_trunk.spine.cobb import cobb_angles
-from warp_trunk.spine.endplate_smoothing import endplate_smoothing
+from warp_trunk.spine.cobb import CobbAngle, cobb_angles
+from warp_trunk.spine.endplate_smoothing import EndplateSmoothing, endplate_smoothing
 
 from .rib_cage import follow
 from .skeleton import Link, Skeleton
 from .vertebra_motion import Vertebrae, attitudes
-
-if TYPE_CHECKING:
-    from warp_trunk.case.case import Pose
-    from warp_trunk.case.rib_coupling import RibCoupling
-    from warp_trunk.spine.cobb import CobbAngle
-    from warp_trunk.spine.endplate_smoothing import EndplateSmoothing
 
 
 @dataclass(frozen=True, eq=False)

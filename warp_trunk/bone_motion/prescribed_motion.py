@@ -5,18 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.engine.trunk_mesh import tet_volumes
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
 from warp_trunk.geometry.rigid import RigidMotion, cross_matrix, exponential_factors, rotated
 from warp_trunk.geometry.spline import SplineSums, fit_spline, spread_centres
 from warp_trunk.system import usable_cores
-
-if TYPE_CHECKING:
-    from warp_trunk.case.landmarks import Landmarks
-    from warp_trunk.engine.trunk_mesh import TrunkMesh
 
 
 @dataclass(frozen=True, eq=False)

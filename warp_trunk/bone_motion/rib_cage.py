@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Container, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warp_trunk.case.anatomy import SIDES, TRUE_RIBS, rib_of
+from warp_trunk.case.rib_coupling import RibCoupling
 from warp_trunk.geometry.rigid import NamedMotions, RigidMotion, cross_matrix, nearest_rotation, rotated
+from warp_trunk.geometry.surface import Surface
 
-if TYPE_CHECKING:
-    from warp_trunk.case.rib_coupling import RibCoupling
-    from warp_trunk.geometry.surface import Surface
-
-    from .vertebra_motion import Vertebrae
+from .vertebra_motion import Vertebrae
 
 _LOWEST = 12
 """The lowest rib, which nothing ties to the sternum: the tilt of ribs below the true ones grows towards it."""

@@ -5,24 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warp_trunk.case.anatomy import PELVIS, SIDES, VERTEBRAE, cartilage_of
-from warp_trunk.case.landmarks import NO_LANDMARKS, bone_of
+from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks, bone_of
 from warp_trunk.geometry.rigid import RigidMotion, fit_rigid, nearest_rotation
 from warp_trunk.geometry.spline import SplineSums
-from warp_trunk.spine.cobb import cobb_angles
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.spine.cobb import CobbAngle, cobb_angles
 from warp_trunk.spine.spine import ENDPLATES
 
 from .rib_cage import RibCage, ends
 from .vertebra_motion import CoupledTurns
-
-if TYPE_CHECKING:
-    from warp_trunk.case.landmarks import Landmarks
-    from warp_trunk.geometry.surface import Surface
-    from warp_trunk.spine.cobb import CobbAngle
 
 _THICK = 1.0
 """Landmarks of a bone nearer than this to one line do not hold its turn about it [mm]."""

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from warp_trunk.case.landmarks import ASIS, VERTEBRA_POINTS
+from warp_trunk.case.landmarks import ASIS, VERTEBRA_POINTS, Landmarks
 from warp_trunk.geometry.rigid import RigidMotion, rotated
 from warp_trunk.spine.cobb import CobbAngle, vertebral_tilt
+from warp_trunk.spine.endplate_smoothing import EndplateSmoothing
 from warp_trunk.spine.spine import ENDPLATES
-
-if TYPE_CHECKING:
-    from warp_trunk.case.landmarks import Landmarks
-    from warp_trunk.spine.endplate_smoothing import EndplateSmoothing
 
 
 class Vertebrae(NamedTuple):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,10 +10,8 @@ from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.surface import area_centre
 
 from .anatomy import HIPS, PELVIC_RING, SIDES, THORACIC
+from .case import Case
 from .landmarks import ASIS, VERTEBRA_POINTS
-
-if TYPE_CHECKING:
-    from .case import Case
 
 _BEHIND = 12.0
 """An anterior superior iliac spine lies behind the frontmost point of its hip bone's upper half by less [mm]."""

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import permutations
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,14 +19,12 @@ from warp_trunk.geometry.surface_checks import check_solid, components, enclosed
 from .anatomy import region
 from .anatomy_checks import anatomy_doubts
 from .axes import MILLIMETRES, check_axes, exchanged_pairs, fitting, misplaced, unit_of
+from .case import Case
 from .landmark_checks import check_frame, check_motion, check_on_bones, check_order, check_shapes
 from .landmarks import ASIS, VERTEBRA_POINTS, Landmarks, bone_of
 from .motion_checks import check_motions
 from .points import SKIN
 from .skin_checks import arm_warnings, check_second_skin
-
-if TYPE_CHECKING:
-    from .case import Case
 
 TRUNK_HEIGHT, PART_HEIGHT = (250.0, 900.0), (30.0, 2200.0)
 """Height of a trunk, and of a part of the body without a spine, from its lowest to its highest vertex [mm]."""

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from warp_trunk.geometry.surface import digest, surface_digest
 
+from .case import Case
 from .motions import motions_text
-
-if TYPE_CHECKING:
-    from .case import Case
 
 Fingerprint = dict[str, Any]
 """Values of JSON by name: constants as they are, everything large as a digest."""

@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import csv_text
 
 from .axes import Axes, Unit
 from .landmarks import COLUMNS, NO_LANDMARKS, Landmarks, read_rows, read_table
-
-if TYPE_CHECKING:
-    from warp_trunk.geometry.surface import Surface
 
 FILE = "points.csv"
 """The file of a case folder with the points."""

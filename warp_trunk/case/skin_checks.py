@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from warp_trunk.errors import InputError
@@ -12,10 +10,8 @@ from warp_trunk.geometry.section import SHOULDERS, enclosed_area, own_part, sect
 from warp_trunk.geometry.surface import Surface, area_vectors
 
 from .anatomy import rib_of
+from .case import Case
 from .landmarks import Landmarks
-
-if TYPE_CHECKING:
-    from .case import Case
 
 _LEAST_ARM = 500.0
 """A smaller part of a section is no arm [mm2]."""

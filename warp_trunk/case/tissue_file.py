@@ -5,18 +5,15 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from warp_trunk.engine.tissue import TISSUE_LIMITS, Tissue
 from warp_trunk.errors import InputError, closest_name
 from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.records import as_record, read_toml, toml_text
 
+from .case import Case
 from .layers import NAMES, LayerConstants, Layers, check_constants
 from .rib_coupling import RibCoupling
-
-if TYPE_CHECKING:
-    from .case import Case
 
 RIBS = "ribs"
 _OF_RIBS = tuple(share.name for share in dataclasses.fields(RibCoupling))

@@ -6,9 +6,8 @@ import dataclasses
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from warp_trunk.case import read_checked_case
+from warp_trunk.case import Case, read_checked_case
 from warp_trunk.case.fingerprint import Fingerprint, difference, fingerprint_of
 from warp_trunk.case.tissue_file import with_constants
 from warp_trunk.engine.parallel import choose_device, choose_threads
@@ -19,7 +18,7 @@ from warp_trunk.io.atomic_write import json_text, write_whole
 from warp_trunk.io.file_names import name_of
 from warp_trunk.io.records import read_json
 from warp_trunk.io.result_files import MEASURES
-from warp_trunk.measures import measure
+from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.measures.body_part import agreement
 from warp_trunk.measures.quantities import ACTUAL, BEFORE, PREDICTED, Measured, MeasureTable, measured
 from warp_trunk.results import Result
@@ -29,11 +28,6 @@ from warp_trunk.run.options import Execution, RunOptions, parameters
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
 from warp_trunk.run.unread_options import refuse_unread
-
-if TYPE_CHECKING:
-    from warp_trunk.case import Case
-    from warp_trunk.measures import TrunkMeasures
-
 
 LOG = "log.txt"
 """Progress of a worker that simulates a case, in the case's result folder."""

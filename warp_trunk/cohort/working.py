@@ -14,14 +14,13 @@ from warp_trunk.engine.parallel import choose_threads
 from warp_trunk.errors import InputError, MissingFileError
 from warp_trunk.io.file_names import name_of
 from warp_trunk.io.folders import make_writable
+from warp_trunk.run.progress import Progress
 from warp_trunk.run.warming import warm
 
 from .one_case import FAILED, JUDGED, CaseOutcome, CaseRow, CohortOptions, do_case
 
 if TYPE_CHECKING:
     from distributed import Client
-
-    from warp_trunk.run.progress import Progress
 
 
 CPU_THREADS = 1

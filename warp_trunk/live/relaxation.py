@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
@@ -11,23 +11,16 @@ import warp as wp
 from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion, colliding_bones, rigid_displacement
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.engine.relaxation import Relaxation, RelaxStatus, RelaxStep
 from warp_trunk.engine.simulation import Increment
 from warp_trunk.engine.state import State
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.spline import spline_response
+from warp_trunk.measures.quantities import Measured
 from warp_trunk.run.intervals import find_bands
-from warp_trunk.run.patient import motions_of
+from warp_trunk.run.patient import PreparedPatient, motions_of
 from warp_trunk.run.prediction import Prediction
 from warp_trunk.run.warnings import ending_warnings
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from warp_trunk.engine.relaxation import Relaxation, RelaxStep
-    from warp_trunk.measures.quantities import Measured
-    from warp_trunk.run.patient import PreparedPatient
-
 
 _FAR = 10.0
 """Rigid bones so far from the plans that are known would cut into extrapolated tissue [mm]: it starts from

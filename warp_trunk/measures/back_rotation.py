@@ -5,18 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.section import turn, upper_hull
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.spine.spine import Spine, asis_axis, spine_of
 
 from .outlines import outlines_of
-
-if TYPE_CHECKING:
-    from warp_trunk.case.landmarks import Landmarks
-    from warp_trunk.geometry.surface import Surface
 
 SPAN = 40.0
 """Least distance between the points where the dual tangent touches the back [mm]."""

@@ -5,23 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.case import Case
 from warp_trunk.case.anatomy import region
 from warp_trunk.case.points import SKIN
-from warp_trunk.engine.trunk_mesh import tet_volumes
+from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
 from warp_trunk.geometry.distance_field import nearest
+from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.surface import Surface, area_vectors, corner_areas
 
 from .comparison import same_skin
 from .quantities import Measured
-
-if TYPE_CHECKING:
-    from warp_trunk.case import Case
-    from warp_trunk.engine.trunk_mesh import TrunkMesh
-    from warp_trunk.geometry.rigid import RigidMotion
 
 NEAR = 2.0
 """Studies of the face report the share of the skin that is predicted nearer than this [mm]."""

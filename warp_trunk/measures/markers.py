@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
-
-if TYPE_CHECKING:
-    from warp_trunk.case.landmarks import Landmarks
 
 FOOT = {"asis": 0.065, "psis": 0.06}
 """Height of the spinous process of L5 above the iliac spines over that of C7: ASIS in seven bodies, PSIS in 20

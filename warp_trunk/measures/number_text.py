@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from .quantities import Measured, Quantity
+from .quantities import Measured, Quantity
 
 MISSING = "–"
 """Stands where there is nothing to measure."""

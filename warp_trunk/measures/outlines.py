@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warp_trunk.geometry.section import SHOULDERS, own_part, sections, trunk_loop, upper_hull
-from warp_trunk.geometry.surface import directed_edges
+from warp_trunk.geometry.surface import Surface, directed_edges
 from warp_trunk.spine.spine import SacralLine, Spine
-
-if TYPE_CHECKING:
-    from warp_trunk.geometry.surface import Surface
 
 
 def outlines_of(surface: Surface, spine: Spine) -> tuple[dict[str, np.ndarray | None], dict[str, str]]:

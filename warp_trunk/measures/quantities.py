@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -15,10 +15,8 @@ from warp_trunk.spine.apical import apical_vertebrae
 from warp_trunk.spine.cobb import angles_between
 
 from .levels import JUDGED, Values, largest_at
+from .measures import TrunkMeasures
 from .scoliometer import forward_bend
-
-if TYPE_CHECKING:
-    from .measures import TrunkMeasures
 
 DETECTABLE = 2.5
 """Smallest detectable difference of the maximum back surface rotation [degrees] (section 4.5 of [2])."""

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from warp_trunk.spine.apical import ApicalVertebra
+from warp_trunk.spine.cobb import CobbAngle
+
+from .comparison import SkinComparison
+from .measures import TrunkMeasures
 from .number_text import MISSING, interval_text, number, sided, value_text
 from .quantities import (
     BEFORE,
@@ -18,13 +22,6 @@ from .quantities import (
     quantities_of,
 )
 from .verdicts import NOT_KNOWN, change_text, is_certainly_worse, is_known
-
-if TYPE_CHECKING:
-    from warp_trunk.spine.apical import ApicalVertebra
-    from warp_trunk.spine.cobb import CobbAngle
-
-    from .comparison import SkinComparison
-    from .measures import TrunkMeasures
 
 WORSE = "▲"
 """Marks what is visibly worse, and certainly so."""

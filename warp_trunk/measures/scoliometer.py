@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warp_trunk.case.anatomy import THORACIC
 from warp_trunk.geometry.section import last_crossing
-
-if TYPE_CHECKING:
-    from warp_trunk.spine.spine import Spine
+from warp_trunk.spine.spine import Spine
 
 BESIDE = {"C": 45.0, "T": 45.0, "L": 35.0}
 """How far beside the spine a scoliometer lies on the back, thoracic and lumbar [mm]."""

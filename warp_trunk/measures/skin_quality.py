@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface, area_vectors, bends, shared_edges
 from warp_trunk.geometry.surface_checks import linked_parts
 from warp_trunk.spine.spine import asis_axis, spine_of
-
-if TYPE_CHECKING:
-    from warp_trunk.case.landmarks import Landmarks
 
 LOOK = 1.2
 """Skin stretched further is shown in the report. In flexion the skin of the back lengthens by a third."""

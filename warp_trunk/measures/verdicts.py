@@ -5,12 +5,10 @@ Tables, tiles, sentences, pictures, the planning page and the recording read the
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from .number_text import number, rounded
-
-if TYPE_CHECKING:
-    from .quantities import Measured, Quantity
+from .quantities import Measured, Quantity
 
 Verdict = Literal["visibly better", "no visible change", "visibly worse", "other side", "not known"]
 """One word for a number that should be small: its change against what can be detected and against its interval."""

@@ -7,11 +7,12 @@ import time
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 from msgspec import Meta
 
+from warp_trunk.case import Case
 from warp_trunk.checking import check_fields, checked
 from warp_trunk.engine.trunk_mesh import TrunkMesh, check_trunk
 from warp_trunk.errors import InputError
@@ -21,9 +22,6 @@ from warp_trunk.geometry.surface_checks import check_solid, crossings, enclosed_
 from .bone_surface import BoneSurface, bone_surface
 from .cache import cache_key, load_cached, store_cached
 from .tetrahedra import Tetrahedra, check_number, improve_quality, tetrahedralize, usual_number
-
-if TYPE_CHECKING:
-    from warp_trunk.case import Case
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from .style import FAINT, INK, RC, file_of
+from warp_trunk.geometry.back_points import BackPoints
+from warp_trunk.measures import BackMeasures
 
-if TYPE_CHECKING:
-    from warp_trunk.geometry.back_points import BackPoints
-    from warp_trunk.measures import BackMeasures
+from .style import FAINT, INK, RC, file_of
 
 _OUT, _ON = "#ee7733", "#aa3377"
 _MARGIN = 150.0

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from matplotlib import colormaps, rc_context
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm
 
+from warp_trunk.preparation.back_scan import FittedBack
 from warp_trunk.views.relief import BEHIND, FRONT, LEFT, relief, seen_from, window
 
 from .panels import panels, shaded
 from .skin_pictures import GREY
 from .style import FAINT, INK, RC, file_of
-
-if TYPE_CHECKING:
-    from warp_trunk.preparation.back_scan import FittedBack
 
 _OUT = "#aa3377"
 _DISTANCE_STEPS = (0.0, 0.25, 0.5, 1.0, 1.5, 3.0)

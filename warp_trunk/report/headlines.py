@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 from warp_trunk.measures.number_text import interval_text
 from warp_trunk.measures.quantities import QUANTITIES, Measured, MeasureTable, Quantity
 from warp_trunk.measures.rows import STATES
 from warp_trunk.measures.verdicts import NOT_KNOWN, is_certainly_worse, is_known, verdict
-
-if TYPE_CHECKING:
-    from warp_trunk.spine import CobbAngle
+from warp_trunk.spine import CobbAngle
 
 ELSEWHERE = "worse elsewhere"
 """The word where the largest of a state is at another level and visibly larger than the largest before surgery."""

@@ -24,6 +24,8 @@ from warp_trunk.measures.quantities import ACTUAL, BEFORE, DETECTABLE, EXACT, PR
 from warp_trunk.measures.rows import MeasureRow, curve_heading, measure_rows, rotation_table, under_headings
 from warp_trunk.measures.skin_quality import LOOK, STRETCH, SkinChange
 from warp_trunk.measures.verdicts import NOT_KNOWN, is_known
+from warp_trunk.results import Result
+from warp_trunk.results.bands import Bands
 from warp_trunk.results.summary_text import spring_lines
 
 from .headlines import Headline, headlines
@@ -33,9 +35,6 @@ from .turning import Turning, script
 
 if TYPE_CHECKING:
     from jinja2 import Environment
-
-    from warp_trunk.results import Result
-    from warp_trunk.results.bands import Bands
 
 
 STATES = (BEFORE, PREDICTED, ACTUAL)

@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,17 +15,15 @@ from warp_trunk.measures.number_text import MISSING, interval_text, number
 from warp_trunk.measures.quantities import DETECTABLE, LENGTH, SPINE_ANGLE, WIDTH, MeasureTable
 from warp_trunk.measures.rows import MeasureRow, measure_rows, under_headings
 from warp_trunk.measures.verdicts import difference_word
+from warp_trunk.results import Result
+from warp_trunk.results.bands import Effects
+from warp_trunk.spine import CobbAngle
 
 from .headlines import headlines
 from .page import rendered, sheet_of
 from .sentences import listed
 from .style import BEFORE, PLANS, TrunkState
 from .turning import Turning
-
-if TYPE_CHECKING:
-    from warp_trunk.results import Result
-    from warp_trunk.results.bands import Effects
-    from warp_trunk.spine import CobbAngle
 
 SAME_POINT = 1e-3
 """Points of one patient before surgery differ by no more than files round [mm]."""

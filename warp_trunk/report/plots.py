@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -15,13 +14,11 @@ from warp_trunk.measures.measures import seen_points
 from warp_trunk.measures.number_text import sided
 from warp_trunk.measures.quantities import QUANTITIES
 from warp_trunk.measures.verdicts import NOT_KNOWN, is_known
+from warp_trunk.results import Summary
 from warp_trunk.spine.spine import spine_of
 from warp_trunk.views.relief import in_pelvis
 
 from .style import FAINT, INK, PREDICTED, TrunkState, new_figure
-
-if TYPE_CHECKING:
-    from warp_trunk.results import Summary
 
 
 def rotation_plot(poses: Sequence[TrunkState], *, bands: bool = True) -> Figure:

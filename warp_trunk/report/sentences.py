@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from warp_trunk.bone_motion.plan import Plan, fused_levels, planned_curves
 from warp_trunk.checking import units_of
@@ -24,12 +24,10 @@ from warp_trunk.measures.quantities import (
 from warp_trunk.measures.scoliometer import BENT, BENT_SD
 from warp_trunk.measures.verdicts import NOT_KNOWN, is_known
 from warp_trunk.meshing import MeshOptions
+from warp_trunk.results.bands import Bands
 from warp_trunk.spine import CobbAngle
 
 from .headlines import ELSEWHERE, Headline, minus, side_of
-
-if TYPE_CHECKING:
-    from warp_trunk.results.bands import Bands
 
 _WORDS = {
     "visibly better": "Visibly better",

@@ -5,24 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
+from warp_trunk.case import Case
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import csv_text, json_text, write_whole
 from warp_trunk.measures import compare_skins, measure
 from warp_trunk.measures.body_part import agreement, tissue_volume_change
 from warp_trunk.measures.comparison import comparison_rows
 from warp_trunk.measures.quantities import ACTUAL, COLUMNS, PREDICTED, Measured, MeasureTable, measured
 from warp_trunk.measures.rows import comparison_text, measures_text
+from warp_trunk.spine import CobbAngle
+from warp_trunk.spine.apical import ApicalVertebra
 
-if TYPE_CHECKING:
-    from warp_trunk.case import Case
-    from warp_trunk.geometry.surface import Surface
-    from warp_trunk.spine import CobbAngle
-    from warp_trunk.spine.apical import ApicalVertebra
-
-    from .result import Result
+from .result import Result
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -9,27 +9,22 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warp_trunk.bone_motion.prescribed_motion import rigid_displacement
+from warp_trunk.bone_motion.skeleton import Skeleton
+from warp_trunk.case import Case
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
+from warp_trunk.measures.derivatives import Derivative
 from warp_trunk.measures.quantities import QUANTITIES
 
 from .patient import motions_of_sets
+from .prediction import Prediction
 from .sources import ErrorSource
-
-if TYPE_CHECKING:
-    from warp_trunk.bone_motion.skeleton import Skeleton
-    from warp_trunk.case import Case
-    from warp_trunk.case.landmarks import Landmarks
-    from warp_trunk.engine.trunk_mesh import TrunkMesh
-    from warp_trunk.measures.derivatives import Derivative
-
-    from .prediction import Prediction
-
 
 MOST_NONLINEAR = 0.3
 """A number is linear where draws differ from what its derivatives predict by less than this part of their size."""

@@ -11,15 +11,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.case.uncertainty import REFERENCES
+from warp_trunk.case.uncertainty import REFERENCES, Invented
 from warp_trunk.engine.linearization import Linearization
 from warp_trunk.geometry.spline import spline_response
 from warp_trunk.geometry.surface import vertex_normals
+from warp_trunk.measures.derivatives import Derivative
 from warp_trunk.measures.measures import TrunkMeasures, measure_level, measure_spine
 from warp_trunk.measures.quantities import (
     BEFORE,
@@ -36,6 +37,7 @@ from warp_trunk.measures.scoliometer import BENT_SD, forward_bend
 from warp_trunk.results.bands import Bands, BandSource, Effects, FoundBands
 
 from .draws import Draws, draw_errors, linearity, skin_deviation
+from .prediction import Prediction
 from .sensitivities import (
     Sensitivity,
     force_derivatives_of,
@@ -45,14 +47,6 @@ from .sensitivities import (
     on_nodes,
 )
 from .sources import ErrorSource, sources_of
-
-if TYPE_CHECKING:
-    from warp_trunk.case import Case
-    from warp_trunk.case.uncertainty import Invented
-    from warp_trunk.measures.derivatives import Derivative
-
-    from .prediction import Prediction
-
 
 DRAWS = 16
 """Draws of all errors, by which proportion is judged."""

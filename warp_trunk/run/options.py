@@ -6,8 +6,9 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
+from warp_trunk.case import Case
 from warp_trunk.case.tissue_file import check_named
 from warp_trunk.checking import check_fields
 from warp_trunk.engine.energies.by_name import EnergyName, WeightsName
@@ -25,9 +26,6 @@ from warp_trunk.engine.tissue import (
 from warp_trunk.errors import InputError
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.meshing.layers import LayersFrom
-
-if TYPE_CHECKING:
-    from warp_trunk.case import Case
 
 PAPERS: dict[str, Any] = {
     "bones": "spline", "energy": "itmsm", "weights": "count", "rest": "scan", "skin_rigidity": 0.0,

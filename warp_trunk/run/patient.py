@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion, rigid_pat
 from warp_trunk.bone_motion.skeleton import Skeleton
 from warp_trunk.case import Case
 from warp_trunk.case.fingerprint import anatomy_of, difference
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.layers import Layers
 from warp_trunk.case.tissue_file import with_constants
 from warp_trunk.checking import checked
@@ -27,6 +28,7 @@ from warp_trunk.engine.sag_free import sag_free
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.colours import coloured_from
+from warp_trunk.geometry.rigid import NamedMotions
 from warp_trunk.geometry.spline import spline_response
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.volume_reader import read_volume
@@ -39,10 +41,6 @@ from .progress import Progress, stage_of
 from .unread_options import refuse_unread
 from .warming import WORTH_COMPILING_AHEAD, CompilationAhead
 from .warnings import LARGE
-
-if TYPE_CHECKING:
-    from warp_trunk.case.landmarks import Landmarks
-    from warp_trunk.geometry.rigid import NamedMotions
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -6,15 +6,17 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion
+from warp_trunk.case import Case
 from warp_trunk.case.tissue_file import with_constants
 from warp_trunk.engine.model import Model
 from warp_trunk.engine.newton import Relaxer
-from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.engine.relaxation import RelaxStatus, RelaxStep
 from warp_trunk.engine.simulation import Increment, continued, simulate
+from warp_trunk.engine.state import State
 from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures, measure
@@ -22,15 +24,7 @@ from warp_trunk.meshing import predicted_skin
 
 from .options import Execution, RunOptions
 from .patient import PreparedPatient, find_path, mesh_patient
-from .progress import stage_of
-
-if TYPE_CHECKING:
-    from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion
-    from warp_trunk.case import Case
-    from warp_trunk.engine.relaxation import RelaxStep
-    from warp_trunk.engine.state import State
-
-    from .progress import Progress
+from .progress import Progress, stage_of
 
 RELEASES = 5
 """How often nodes on bone are released at most."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +18,8 @@ from warp_trunk.case.anatomy import LUMBAR, THORACIC
 from warp_trunk.case.layers import NAMES, Layers
 from warp_trunk.engine.constants import Constant, constants_of, parts_derivative, weight_derivative
 from warp_trunk.engine.linearization import Adjoints, Linearization
+from warp_trunk.engine.model import Model
+from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.spline import spline_response
 from warp_trunk.measures.derivatives import (
     Derivative,
@@ -32,13 +33,7 @@ from warp_trunk.meshing.layers import thickness_derivatives
 
 from .options import layers_from
 from .patient import motions_of_sets
-
-if TYPE_CHECKING:
-    from warp_trunk.engine.model import Model
-    from warp_trunk.engine.trunk_mesh import TrunkMesh
-
-    from .prediction import Prediction
-
+from .prediction import Prediction
 
 SCOLIOMETER = (*THORACIC[5:], *LUMBAR[:3])
 """The levels whose slope has an interval."""

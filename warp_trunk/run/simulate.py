@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, overload
+from typing import overload
 
 from warp_trunk.bone_motion.articulation import unknown_bones
 from warp_trunk.bone_motion.plan import Plan, PlannedSurgery, Planner
@@ -22,6 +22,7 @@ from warp_trunk.case.motion_checks import check_passing
 from warp_trunk.case.tissue_file import with_constants
 from warp_trunk.checking import checked
 from warp_trunk.engine.parallel import choose_device, choose_threads
+from warp_trunk.engine.simulation import Increment
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import partial
 from warp_trunk.io.file_names import check_file_names, name_of
@@ -32,13 +33,14 @@ from warp_trunk.measures.quantities import ACTUAL, BEFORE, PREDICTED, MeasureTab
 from warp_trunk.measures.skin_quality import skin_quality
 from warp_trunk.recording import Recording, load_rerun, start_viewer
 from warp_trunk.results import Result, RunAccount, prepare_folder, result_of, write_result
+from warp_trunk.results.bands import FoundBands
 from warp_trunk.results.summary_text import markdown
 
 from .intervals import find_bands
 from .options import Execution, RunOptions, parameters
 from .patient import PreparedPatient, motions_of, patient_of
 from .prediction import Observer, Prediction, prepare, prepare_plan
-from .progress import Progress, Silent
+from .progress import Clock, Progress, Silent
 from .unread_options import refuse_unread
 from .warnings import (
     alignment_warnings,
@@ -49,12 +51,6 @@ from .warnings import (
     flexibility_warnings,
     option_warnings,
 )
-
-if TYPE_CHECKING:
-    from warp_trunk.engine.simulation import Increment
-    from warp_trunk.results.bands import FoundBands
-
-    from .progress import Clock
 
 
 @overload

@@ -9,29 +9,25 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warp_trunk.bone_motion.prescribed_motion import rigid_displacement, spline_path
+from warp_trunk.bone_motion.skeleton import Skeleton
+from warp_trunk.case import Case
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.rib_coupling import RANGES
 from warp_trunk.case.uncertainty import FACTORS, REFERENCES
 from warp_trunk.engine.constants import value_of
+from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.spine.apical import axial_rotation
 from warp_trunk.spine.cobb import CobbAngle, cobb_angles, curves_after
 from warp_trunk.spine.spine import asis_axis, spine_of
 
 from .options import layers_from
 from .patient import motions_of
+from .prediction import Prediction
 from .sensitivities import Sensitivity, constant_names
-
-if TYPE_CHECKING:
-    from warp_trunk.bone_motion.skeleton import Skeleton
-    from warp_trunk.case import Case
-    from warp_trunk.case.landmarks import Landmarks
-    from warp_trunk.engine.trunk_mesh import TrunkMesh
-
-    from .prediction import Prediction
 
 LEAST_CORRECTION = 10.0
 """A curve that surgery changes by less than this was not corrected [degrees]."""

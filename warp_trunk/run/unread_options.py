@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from warp_trunk.case import Case
 from warp_trunk.case.tissue_file import RIBS
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.meshing import MeshOptions
 
 from .options import PAPERS, RunOptions, layers_from
-
-if TYPE_CHECKING:
-    from warp_trunk.case import Case
 
 
 @dataclass(frozen=True)

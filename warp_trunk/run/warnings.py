@@ -3,26 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 from warp_trunk.bone_motion.plan.planner import bending_films, flexibility_of
-from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.case import Case
+from warp_trunk.case.case import Pose
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.engine.relaxation import Relaxation, RelaxStatus
+from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.measures.number_text import sided
-from warp_trunk.measures.quantities import BEFORE, PREDICTED, QUANTITIES
+from warp_trunk.measures.quantities import BEFORE, PREDICTED, QUANTITIES, MeasureTable
 from warp_trunk.spine import cobb_angles
 from warp_trunk.spine.cobb import curves_after
 from warp_trunk.spine.spine import spine_of
 from warp_trunk.system import usable_memory
-
-if TYPE_CHECKING:
-    from warp_trunk.case import Case
-    from warp_trunk.case.case import Pose
-    from warp_trunk.case.landmarks import Landmarks
-    from warp_trunk.engine.relaxation import Relaxation
-    from warp_trunk.engine.tissue import Tissue
-    from warp_trunk.measures.quantities import MeasureTable
-
 
 USUAL_TISSUE = {"youngs_modulus": (0.5, 500.0, "kPa"), "density": (800.0, 1200.0, "kg/m3")}
 """Constants of soft tissue at small strain, least and most: fat 2.5 kPa and 950 kg/m3, skin 130 kPa and 1090,

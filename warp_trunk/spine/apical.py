@@ -6,18 +6,14 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warp_trunk.case.anatomy import THORACIC
 from warp_trunk.geometry.section import turn
 
-from .spine import Spine, top_of_spine
-
-if TYPE_CHECKING:
-    from .cobb import CobbAngle
-    from .spine import SacralLine
+from .cobb import CobbAngle
+from .spine import SacralLine, Spine, top_of_spine
 
 TURNED = 5.0
 """An apex turned by less than this has no neutral vertebra beside it [degrees]: films cannot distinguish it

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
-from .spine import Spine, spine_of
+from warp_trunk.case.landmarks import Landmarks
 
-if TYPE_CHECKING:
-    from warp_trunk.case.landmarks import Landmarks
+from .spine import Spine, spine_of
 
 LEAST_CURVE = 10.0
 """A curve of less than this is not scoliosis [degrees], the threshold of the Scoliosis Research Society."""

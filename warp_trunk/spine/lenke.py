@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
 from warp_trunk.case.anatomy import LUMBAR, THORACIC
 
 from .cobb import CobbAngle, sagittal_angle
-
-if TYPE_CHECKING:
-    from .spine import SacralLine, Spine
+from .spine import SacralLine, Spine
 
 Part = Literal["proximal", "thoracic", "lumbar"]
 

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
 
 from .endplate_smoothing import endplate_smoothing
-
-if TYPE_CHECKING:
-    from warp_trunk.case.landmarks import Landmarks
 
 ENDPLATES = ("superior_endplate", "inferior_endplate")
 

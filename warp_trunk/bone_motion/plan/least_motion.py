@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from warp_trunk.errors import InputError
 
-from .spine_chain import AXIAL, SAGITTAL, Placed
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from .spine_chain import SpineChain
-    from .targets import Target
+from .spine_chain import AXIAL, SAGITTAL, Placed, SpineChain
+from .targets import Target
 
 MOST_SEGMENT = 25.0
 """How far a vertebra may be turned against the one below, by surgery and after it [degrees]."""

@@ -7,9 +7,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from warp_trunk.case import write_case
+from warp_trunk.case import Case, write_case
 from warp_trunk.case.case_writer import begin_case
 from warp_trunk.case.folders import is_case, refuse_case
 from warp_trunk.checking import checked
@@ -21,12 +20,7 @@ from warp_trunk.io.records import as_record, toml_table, toml_text
 from warp_trunk.io.result_files import MOST_PLAN, PLAN
 
 from .record import CurvePlan, Plan, targets_of_text
-from .surgery import surgery_record
-
-if TYPE_CHECKING:
-    from warp_trunk.case import Case
-
-    from .surgery import PlannedSurgery
+from .surgery import PlannedSurgery, surgery_record
 
 
 @checked

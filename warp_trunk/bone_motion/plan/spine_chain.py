@@ -5,18 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warp_trunk.case.anatomy import rank
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.spine.spine import SacralLine, sacral_line, spine_of, top_of_spine
 
 from ..vertebra_motion import attitudes
-
-if TYPE_CHECKING:
-    from warp_trunk.case.landmarks import Landmarks
 
 CORONAL, SAGITTAL, AXIAL = range(3)
 """Columns of angles: the tilt of the axis seen from the front, positive to +x; its lean out of the coronal plane,

@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from warp_trunk.case import Case
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.measures import TrunkMeasures
 from warp_trunk.measures.measures import measure_spine
 from warp_trunk.measures.quantities import BEFORE, PREDICTED, MeasureTable
 from warp_trunk.measures.rows import MeasureRow, as_text, skin_rows, spine_rows, under_headings
+from warp_trunk.spine.cobb import CobbAngle
 
+from .record import Plan
 from .targets import curve_around
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from warp_trunk.case import Case
-    from warp_trunk.case.landmarks import Landmarks
-    from warp_trunk.measures import TrunkMeasures
-    from warp_trunk.spine.cobb import CobbAngle
-
-    from .record import Plan
-
 
 HELD, SET = "held by the plan", "set by the plan"
 """Words for numbers that follow from the plan alone, in place of an interval."""

@@ -6,20 +6,15 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import methodcaller
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warp_trunk.case.anatomy import rank
 from warp_trunk.errors import InputError
+from warp_trunk.spine.cobb import CobbAngle
 
-from .spine_chain import AXIAL, CORONAL, Placed
-
-if TYPE_CHECKING:
-    from warp_trunk.spine.cobb import CobbAngle
-
-    from .record import CurvePlan, Plan
-    from .spine_chain import SpineChain
+from .record import CurvePlan, Plan
+from .spine_chain import AXIAL, CORONAL, Placed, SpineChain
 
 FOLLOWS = 0.75
 """Share of an unfused curve that corrects by itself over that of the fused curves, where nothing is known of it.

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warp_trunk.errors import InputError
+from warp_trunk.run.progress import Progress
 
 from ..statistics import PatientMean, over_patients
 from .fit import Fit, Piece, Prior, certainty, find, without
@@ -17,8 +18,6 @@ from .one_fit import CaseFit, FitJob, fit_case
 
 if TYPE_CHECKING:
     from distributed import Client
-
-    from warp_trunk.run.progress import Progress
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,20 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.case import Case
 from warp_trunk.case.layers import CONSTANTS, NAMES
 from warp_trunk.case.rib_coupling import LIMITS, RANGES
 from warp_trunk.case.tissue_file import CONSTANT_NAMES, RIBS
 from warp_trunk.case.uncertainty import FACTORS, Uncertainty
 from warp_trunk.engine.tissue import TISSUE_LIMITS
 from warp_trunk.errors import InputError, closest_name
-
-if TYPE_CHECKING:
-    from warp_trunk.case import Case
-    from warp_trunk.run.options import RunOptions
+from warp_trunk.run.options import RunOptions
 
 _DENSITY = 50.0
 """Prior standard deviation of a density [kg/m^3]; soft tissues have 900 to 1100."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 from uuid import uuid4
 
 import numpy as np
 
-from warp_trunk.case import read_checked_case
+from warp_trunk.case import Case, read_checked_case
 from warp_trunk.case.case import Study
 from warp_trunk.case.layers import NAMES
 from warp_trunk.case.rib_coupling import LIMITS
@@ -18,6 +18,7 @@ from warp_trunk.case.tissue_file import RIBS, constant_of, with_constants
 from warp_trunk.engine.constants import Constant
 from warp_trunk.engine.linearization import Linearization
 from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.surface import Surface, area_vectors, unit
@@ -28,10 +29,6 @@ from warp_trunk.run.prediction import Prediction, prepare
 
 from ..one_case import CohortOptions
 from .free_constants import FreeConstant, layers_with, values_of
-
-if TYPE_CHECKING:
-    from warp_trunk.case import Case
-    from warp_trunk.engine.trunk_mesh import TrunkMesh
 
 PLACES = 400
 """Places of the skin at which a case is compared, spread evenly over it."""

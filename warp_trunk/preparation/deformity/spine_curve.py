@@ -12,14 +12,14 @@ from msgspec import Meta
 
 from warp_trunk.bone_motion.vertebra_motion import attitudes
 from warp_trunk.case.anatomy import VERTEBRAE
-from warp_trunk.case.landmarks import read_landmarks
+from warp_trunk.case.landmarks import Landmarks, read_landmarks
 from warp_trunk.checking import check_fields
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.section import arc_length
 from warp_trunk.geometry.surface import unit
 from warp_trunk.spine.cobb import sagittal_angle
-from warp_trunk.spine.spine import spine_of
+from warp_trunk.spine.spine import Spine, spine_of
 
 from .patient_spine import spine_of_marks
 from .published_curves import (
@@ -35,9 +35,6 @@ from .published_curves import (
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
-
-    from warp_trunk.case.landmarks import Landmarks
-    from warp_trunk.spine.spine import Spine
 
 LEVELS = len(VERTEBRAE)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,12 +10,9 @@ from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.checking import checked
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
-from warp_trunk.geometry.rigid import fit_rigid
+from warp_trunk.geometry.rigid import RigidMotion, fit_rigid
 from warp_trunk.geometry.spline import fit_spline
 from warp_trunk.geometry.surface import Surface, check_surface
-
-if TYPE_CHECKING:
-    from warp_trunk.geometry.rigid import RigidMotion
 
 
 @dataclass(frozen=True)
