@@ -34,6 +34,7 @@ from support.rrd import column
 from support.small_trunk import measured, start_recording
 from warp_trunk.case.case import Study
 from warp_trunk.case.layers import Layers
+from warp_trunk.case.uncertainty import Uncertainty
 from warp_trunk.cli import main
 from warp_trunk.cohort import one_case
 from warp_trunk.cohort.summary import errors
@@ -43,6 +44,8 @@ from warp_trunk.measures.quantities import BETTER, EXACT, PREDICTED, WORSE, Meas
 from warp_trunk.results import read_result
 from warp_trunk.results.bands import Bands, BandSource, Effects, FoundBands
 from warp_trunk.results.summary_text import plain
+from warp_trunk.run.intervals import spine_bands
+from warp_trunk.run.sources import ErrorSource
 
 STATES = {"before": BEFORE, "predicted": AFTER}
 COBB = {"T1-T4": (20.0, 8.0), "T4-T11": (40.0, 17.0), "T11-L4": (32.0, 15.0)}
@@ -149,6 +152,23 @@ def test_the_mirror_image_has_every_number_on_the_other_side(both: tuple[Shown, 
         has_side = quantity not in SAME_ON_BOTH_SIDES | RATIOS and quantity not in twins
         wanted[twins.get(quantity, quantity), level] = -size if has_side and size is not None else size
     assert mirrored == pytest.approx(wanted, abs=2e-3)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0], ids=["patient", "mirror image"])
+def test_surgery_that_achieves_less_leaves_more_of_the_curve_and_of_its_rotation(sign: float) -> None:
+    """A hundredth of the way back to before; an angle between endplates has no side, a rotation has one."""
+    case = replace(
+        known_case(mirrored=sign < 0.0)[0], uncertainty=Uncertainty(landmark_error=0.0, landmark_error_sd=0.0)
+    )
+    back = 0.01 * (case.landmarks_before.points - case.planned_landmarks.points)
+    rows, effects, _ = spine_bands(
+        case, [ErrorSource("amount", "1 %", "none", of_surgery=True, landmarks_after=back)]
+    )
+    by_name = {(row.quantity, row.level): effect for row, (effect,) in zip(rows, effects, strict=True)}
+    for ends, (was, will) in COBB.items():
+        assert by_name["cobb_deg", ends] == pytest.approx(0.01 * (was - will), rel=0.1)
+    for apex, change in (("T7", 6.0), ("L1", -4.0 / 3.0)):
+        assert by_name["apical_rotation_deg", apex] == pytest.approx(sign * 0.01 * change, rel=0.02)
 
 
 def test_the_console_has_every_level_with_its_side(patient: Shown) -> None:
