@@ -17,6 +17,8 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
+import warp_trunk.cli.measure as measure_command
+from support.asserting import not_none
 from support.drawn import Page, drawn_figures, pixels, place, side_at, slope_on_page
 from support.known_patient import (
     ACTUAL,
@@ -38,6 +40,7 @@ from warp_trunk.case.uncertainty import Uncertainty
 from warp_trunk.cli import main
 from warp_trunk.cohort import one_case
 from warp_trunk.cohort.summary import errors
+from warp_trunk.io.surface_files import write_surface
 from warp_trunk.measures import measure
 from warp_trunk.measures.measures import measure_level
 from warp_trunk.measures.quantities import BETTER, EXACT, PREDICTED, WORSE, Measured
@@ -137,6 +140,7 @@ def numbers(folder: Path, state: str) -> dict[tuple[str, str], float]:
 def test_the_summary_has_the_numbers_of_the_construction(both: tuple[Shown, Shown], state: str) -> None:
     shown, expected = numbers(both[0].folder, state), known_numbers(STATES[state], state)
     assert {name: shown[name] for name in expected} == pytest.approx(expected, abs=0.05)
+    assert read_result(both[0].folder).summary.has_spine is True
     lumbar = {name: value for name, value in shown.items() if name[0] == "bsr_deg" and name[1].startswith("L")}
     assert max(lumbar.values()) < 0.0 < shown["bsr_deg", "T8"]
 
@@ -559,6 +563,12 @@ def test_lines_of_the_hump_are_solid_where_it_is_further_back(patient: Shown) ->
                 assert side_at(axes, place(axes, float(x[at_t8].mean()), 0.0)[0]) == patient.side(sign)
 
 
+def test_lines_of_depth_lie_on_the_back_that_faces_behind(patient: Shown) -> None:
+    for axes in patient.figures["back"].axes[:2]:
+        lengths = [len(path.vertices) for lines in axes.collections for path in lines.get_paths()]
+        assert sum(lengths) > 500
+
+
 def test_sources_of_error_stand_with_their_numbers(sure: Shown) -> None:
     assert sure.page.rows["landmarks"] == ["2 mm", "1.4", "0.7", "a film"]
 
@@ -610,6 +620,24 @@ def test_the_actual_back_stands_beside_the_prediction_with_its_error(judged: Sho
         (row["state"], row["level"]): row["value"] for row in summary["measures"] if row["quantity"] == "bsr_deg"
     }
     assert by_state["actual", "L3"] == pytest.approx(-12.2, abs=0.05)
+    of_actual = {row["quantity"] for row in summary["measures"] if row["state"] == "actual"}
+    assert "main_hump_mm" in of_actual
+    assert not {"cobb_deg", "axial_rotation_deg"} & of_actual  # her spine was not measured again
+
+
+def test_a_second_skin_is_compared_with_its_warnings(
+    judged: Shown, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(measure_command, "arm_warnings", lambda *_: ["It has an arm."])
+    case = known_case(actual=ACTUAL)[0]
+    write_surface(tmp_path / "actual.ply", not_none(case.actual_skin))
+    assert (
+        main(["measure", str(judged.folder), "--against", str(tmp_path / "actual.ply"), "--out", str(tmp_path)])
+        == 0
+    )
+    said = capsys.readouterr()
+    assert "warp-trunk: warning: It has an arm." in said.err.splitlines()
+    assert "Error of the back surface rotation, predicted against actual" in said.out
 
 
 def test_layers_are_where_they_were_put_with_their_own_constants(tmp_path: Path) -> None:
@@ -646,11 +674,11 @@ def test_the_baseline_of_a_cohort_is_measured_with_the_landmarks_after_surgery()
 
 
 def test_the_row_of_a_cohort_has_her_numbers(judged: Shown, tmp_path: Path) -> None:
-    study = Study(patient="P7", pose="surgery", months_after=6.0, synthetic=True)
+    study = Study(patient="P7", pose="bending", months_after=6.0, synthetic=True)
     case = replace(known_case(actual=ACTUAL)[0], study=study)
     row = one_case._row(case, tmp_path / "folder", read_result(judged.folder))
     assert (row.folder, row.patient, row.case, row.status) == ("folder", "P7", "known patient", "CONVERGED")
-    assert (row.synthetic, row.months_after, row.pose) == (True, 6.0, "surgery")
+    assert (row.synthetic, row.months_after, row.pose) == (True, 6.0, "bending")
     assert row.cobb_deg == pytest.approx(40.0)
     assert row.correction_percent == pytest.approx(100.0 * (1.0 - 17.0 / 40.0))
     assert row.tets == len(known_case()[1].tets)

@@ -92,6 +92,13 @@ def test_a_plausible_anatomy_is_in_no_doubt_nor_are_landmarks_with_the_errors_of
         assert anatomy_doubts(replace(case, landmarks_before=Landmarks(marks.names, marks.points + error))) == []
 
 
+def test_fat_that_is_thick_on_one_side_is_in_no_doubt() -> None:
+    """Both hip bones lie deep: 11 mm of difference are less than half of either."""
+    middle = CASE.skin.vertices.mean(axis=0)
+    wide = Surface((CASE.skin.vertices - middle) * [1.15, 1.0, 1.0] + middle + [-4.0, 0.0, 0.0], CASE.skin.faces)
+    assert anatomy_doubts(replace(CASE, skin=wide)) == []
+
+
 def test_an_image_of_a_part_of_the_trunk_is_in_no_doubt() -> None:
     assert anatomy_doubts(levels("L1", "L2", "L3", "L4", "L5")) == []
 

@@ -94,7 +94,8 @@ def test_left_and_right_exchanged_are_refused():
     mirrored = Surface(rib.vertices * [-1.0, 1.0, 1.0], rib.faces[:, ::-1].copy())
     assert check_case(replace(case, bones=case.bones | {"rib_right_07": mirrored})) == ()
     wrong = replace(case, bones=case.bones | {"rib_right_07": rib, "rib_left_07": mirrored})
-    refused(wrong, r"^rib_left_07: must lie left of rib_right_07, but lies \d+ mm right of it")
+    off = 2.0 * rib.vertices.mean(axis=0)[0]
+    refused(wrong, rf"^rib_left_07: must lie left of rib_right_07, but lies {off:.0f} mm right of it")
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.45])
@@ -242,9 +243,12 @@ def test_neighbouring_vertebrae_exchanged_are_found(upper):
 def test_a_point_a_little_on_the_wrong_side_is_a_warning():
     points = BEFORE.points.copy()
     upper, lower = BEFORE.index("T5_left_pedicle_superior"), BEFORE.index("T5_left_pedicle_inferior")
-    points[upper] = points[lower] - [0.0, 0.0, 1.5]
+    points[upper] = points[lower] - [0.0, 0.0, 2.7]
     (text,) = check_order(Landmarks(BEFORE.names, points), "here")
     assert text.startswith("here: in T5 the left pedicle's superior point must lie above its inferior one")
+    points[upper] = points[lower] - [0.0, 0.0, 3.6]
+    with pytest.raises(InputError, match=r"pedicle's superior point must lie above .* mark them again"):
+        check_order(Landmarks(BEFORE.names, points), "here")
 
 
 def test_vertebrae_that_move_rigidly_pass():
@@ -277,6 +281,9 @@ def test_one_point_off_is_refused_and_named(name, off):
 def test_half_of_that_is_a_warning():
     (text,) = check_shapes(BEFORE, shifted(AFTER, "T8_left_pedicle_superior", (3.0, 4.0, 0.0)), "after")
     assert text.startswith("after: 'T8_left_pedicle_superior' is 5.0 mm from")
+    assert "seldom reach 4.0 mm" in text
+    (text,) = check_shapes(BEFORE, shifted(AFTER, "T8_left_pedicle_superior", (7.9, 0.0, 0.0)), "after")
+    assert check_shapes(BEFORE, shifted(AFTER, "T8_left_pedicle_superior", (3.9, 0.0, 0.0)), "after") == []
     assert check_shapes(BEFORE, shifted(AFTER, "T8_left_pedicle_superior", (3.0, 0.0, 0.0)), "after") == []
 
 

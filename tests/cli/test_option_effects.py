@@ -308,6 +308,10 @@ def test_every_option_is_in_the_table(command: str, capsys: pytest.CaptureFixtur
     assert [flag for flag in TABLE[command] if not any(flag in words for words in flags)] == []
 
 
+def test_several_results_are_bare_side_by_side_where_that_is_asked_for(asked: Callable[[str], list[str]]) -> None:
+    assert asked("report FOLDER/a FOLDER/b") != asked("report FOLDER/a FOLDER/b --views bare")
+
+
 @pytest.mark.parametrize(("command", "flag"), [(command, flag) for command in TABLE for flag in TABLE[command]])
 def test_with_an_option_something_else_is_asked_for(
     command: str, flag: str, asked: Callable[[str], list[str]]

@@ -10,16 +10,21 @@ import numpy as np
 import pytest
 
 import warp_trunk.cli.simulate as simulate_command
+from support.small_case import part_case
 from support.synthetic import sphere
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
-from warp_trunk.cli import doctor, films, main
+from warp_trunk.cli import doctor, films, main, surfaces
+from warp_trunk.cli.back import fit_text
 from warp_trunk.cli.output import BAD_INPUT, INCOMPLETE, INTERRUPTED, OK
 from warp_trunk.cli.simulate import crossings_written
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface_checks import enclosed_volume
 from warp_trunk.io.surface_files import read_surface, write_surface
+from warp_trunk.measures.back import TURN
 from warp_trunk.meshing import CrossingError
 from warp_trunk.preparation import phantom
+from warp_trunk.preparation.back_scan.spine import TURN_SD
+from warp_trunk.preparation.deformity.spine_curve import MeasuredSpine
 from warp_trunk.run.doctor import Finding
 
 MISSING = Finding("kernels", "broken", "install it", needed=True)
@@ -86,6 +91,11 @@ def test_parts_of_a_bone_have_their_volumes_and_their_sides(
     assert enclosed_volume(above) * size**3 / 1000.0 == pytest.approx(float(said["above"]), abs=0.01)
     assert (tmp_path / "bones_uncut" / "T7.ply").is_file()
     assert sorted(path.name for path in (tmp_path / "bones").iterdir()) == ["above.ply", "below.ply"]
+    write_surface(tmp_path / "bones" / "T7.ply", below)  # a part of that name is cut again
+    plane = ["0", "0", "0", "0", "0", "1"]
+    assert main(["cut", str(tmp_path), "--bone", "T7", "--plane", *plane, "--names", "low", "middle"]) == OK
+    parts = ["above.ply", "below.ply", "low.ply", "middle.ply"]
+    assert sorted(path.name for path in (tmp_path / "bones").iterdir()) == parts
 
 
 def test_bones_with_names_that_are_nearly_right_are_refused_by_commands_that_read_them(
@@ -132,6 +142,71 @@ def test_fit_atlas_says_which_bone_comes_nearest_to_the_skin_and_from_where(
     rows = (tmp_path / "out" / "atlas_fit.csv").read_text(encoding="utf-8").split()
     assert rows == ["name,error,error_left_out", "a,1.0,2.0", "b,3.0,6.0"]
     assert (tmp_path / "out" / "T7.ply").is_file()
+
+
+def test_close_says_what_it_closed_and_writes_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    openings = [
+        SimpleNamespace(is_end=is_end, area=area, centre=np.array([1.0, -2.0, 3.0]))
+        for is_end, area in ((True, 25_000.0), (False, 130.0))
+    ]
+    closed = SimpleNamespace(surface=sphere(10.0), openings=openings)
+    by = SimpleNamespace(shift=1.25, turn=2.5, distance=0.75)
+    monkeypatch.setattr(surfaces, "align_parts", lambda parts: (parts, {"front": by}))
+    monkeypatch.setattr(surfaces, "close_skin", lambda *_: closed)
+    write_surface(tmp_path / "a.ply", sphere(200.0))
+    out = tmp_path / "skin.ply"
+    assert main(["close", str(tmp_path / "a.ply"), "--out", str(out), "--refine"]) == OK
+    assert capsys.readouterr().out.splitlines() == [
+        "front: moved by 1.25 mm and 2.50 degrees, now 0.75 mm from the others",
+        "Closed: end, flat, 250.0 cm2 at (1, -2, 3) mm",
+        "Closed: hole, 1.3 cm2 at (1, -2, 3) mm",
+        f"Closed skin of {len(closed.surface.faces)} triangles written to {out}",
+    ]
+    assert len(read_surface(out).faces) == len(closed.surface.faces)
+
+
+def test_fit_back_says_what_is_measured_what_is_invented_and_what_went_where() -> None:
+    scan = SimpleNamespace(noise=0.5)
+    fit: Any = SimpleNamespace(
+        distance=np.array([0.5, 1.5]), forward=np.eye(17)[2] * 4.0, body="the body", scale=0.925, left_out=[0] * 6,
+        scan=scan, invented=0.625, moved=np.array([-6.0, 8.0, 0.5]),
+    )  # fmt: skip
+    lines = fit_text(fit, "line").splitlines()
+    assert lines == [
+        "Fitted the body, scaled by 0.93: 2 points of the trunk, mean 1.00 mm, 95 % nearer than 1.45 mm, "
+        "largest 1.5 mm",
+        "Left out 6 of 8 points: surroundings, arms, hair, clothes, stray points",
+        "The points of the scan scatter by 0.5 mm about the skin",
+        "Invented: 62 % of the skin, the ribs, the pelvis but for its turn",
+        f"Turn of the vertebrae: {TURN:g} degrees for each mm of sideways way, ±{TURN_SD['line']:g} degrees",
+        "Vertebrae went forward to lie under the skin, T3 by 4 mm",
+        "The pelvis went -6 mm to the left, +8 back and +0 up, to lie under L5",
+    ]
+    scan.noise, fit.forward, fit.moved = 9.0, 0.1 * fit.forward, 0.4 * fit.moved
+    noisy = fit_text(fit, "line").splitlines()
+    assert noisy[2] == "The points of the scan scatter by 9 mm about the skin, so they were smoothed"
+    assert len(noisy) == 5
+
+
+def test_make_case_names_the_levels_at_which_a_measured_curve_fades_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    spine = MeasuredSpine(
+        name="mine", tilt=np.zeros(17), pitch=np.zeros(17), turn=np.zeros(17), continued=("T1", "T2", "T3")
+    )
+    monkeypatch.setattr(surfaces, "read_measured_spine", lambda _: spine)
+    monkeypatch.setattr(surfaces, "read_bones", lambda _: {})
+    monkeypatch.setattr(surfaces, "read_surface", lambda _: None)
+    monkeypatch.setattr(surfaces, "make_case", lambda *_: part_case())
+    names = ("skin", "bones", "spine", "out")
+    words = [word for name in names for word in (f"--{name}", str(tmp_path / name))]
+    assert main(["make-case", *words]) == OK
+    said = capsys.readouterr().out
+    assert f"{tmp_path / 'spine'} has no T1 to T3: the curve fades out there" in said
+    assert (tmp_path / "out" / "case.toml").is_file()
+    assert main(["make-case", *words, "--correction", "-0.5"]) == BAD_INPUT
 
 
 def test_the_demo_is_the_operation_that_it_says(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -198,6 +198,8 @@ def test_several_pairs_add_what_lies_within_and_between_patients():
     (4 - 8 / 4) / 1 = 2. Variance of patients (16 - 2) / 2 = 7, of a difference 2 + 7 = 9."""
     limits = not_none(limits_of_agreement([0.0, 2.0, 4.0, 6.0], ["a", "a", "b", "b"]))
     assert (limits.bias, limits.sd, limits.pairs, limits.patients) == (3.0, 3.0, 4, 2)
+    alike = not_none(limits_of_agreement([-1.0, 1.0, -1.0, 1.0], ["a", "a", "b", "b"]))
+    assert alike.sd == pytest.approx(2.0**0.5)  # patients that do not differ add nothing
 
 
 def test_limits_hold_what_they_promise():

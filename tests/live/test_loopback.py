@@ -3,6 +3,7 @@
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
+from importlib.resources import files
 
 import psutil
 import pytest
@@ -41,9 +42,11 @@ def test_its_own_page_is_answered_on_this_machine_alone(server: LoopbackServer) 
     assert {c.laddr.ip for c in listening if c.laddr.port == port} == {"127.0.0.1"}
     with urllib.request.urlopen(server.address, timeout=10.0) as answer:
         policy = answer.headers["Content-Security-Policy"]
+        page = answer.read().decode()
     assert "default-src 'self'" in policy
     assert "frame-ancestors 'none'" in policy
     assert "http" not in policy
+    assert files("warp_trunk.live").joinpath("page.css").read_text(encoding="utf-8") in page  # viser leaves it out
     assert status(server) == 200
     assert status(server, Origin=server.address) == 200
     assert status(server, Host=f"localhost:{port}", Origin=f"http://localhost:{port}") == 200

@@ -79,6 +79,7 @@ def test_each_switch_shows_and_hides_what_it_names(page: Page) -> None:
     switched(page, "Own colours", True)  # of the skin before surgery, too
     assert (scene.skin.visible, scene.before.visible) == (False, False)
     assert not_none(scene.painted).visible
+    assert not_none(scene.painted).scale == 1000.0  # its metres are millimetres of the page
     switched(page, "Before surgery", False)
     switched(page, "Own colours", False)
     assert (scene.skin.visible, scene.before.visible) == (True, False)

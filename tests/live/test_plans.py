@@ -212,10 +212,15 @@ def test_undo_returns_to_before_a_drag_however_it_pauses(monkeypatch: pytest.Mon
     gui, name = Gui(), CORRECTION
     controls = Controls(cast(Any, gui), REST, asked.append)
     slider = controls._handles[name]
+    assert {name for name, handle in controls._handles.items() if handle.disabled} == REST.without_effect(
+        first_state(REST)
+    )
+    assert controls._undo.disabled
     for seconds, value in ((10.0, 10), (10.1, 20), (11.2, 30), (11.3, 40)):  # the hand stops for a second
         now[0] = seconds
         slider.set(value)
     assert asked[-1][name] == 40
+    assert not controls._undo.disabled
     controls._handles[KYPHOSIS].set(31)  # another slider: a step of its own
     controls.undo()
     assert asked[-1] == {**first_state(REST), name: 40}
@@ -228,6 +233,7 @@ class Handle:
 
     def __init__(self, value: object) -> None:
         self.value, self._heard = value, list[Callable[[object], None]]()
+        self.disabled: bool | None = None
 
     def on_update(self, heard: Callable[[object], None]) -> None:
         self._heard.append(heard)

@@ -73,10 +73,11 @@ def test_a_hatch_covers_the_triangles_that_it_is_given_and_no_others() -> None:
 def test_outer_triangles_come_before_inner_ones() -> None:
     inner, outer = (trimesh.creation.icosphere(subdivisions=1, radius=radius) for radius in (10.0, 50.0))
     faces = np.vstack([np.asarray(inner.faces), np.asarray(outer.faces) + len(inner.vertices)])
-    skin = Surface(np.vstack([inner.vertices, outer.vertices]), faces)
+    aside = np.array([300.0, -200.0, 900.0])
+    skin = Surface(np.vstack([inner.vertices, outer.vertices]) + aside, faces)
     ordered = outer_first(skin)
     assert sorted(map(tuple, ordered)) == sorted(map(tuple, faces))
-    radius = np.linalg.norm(skin.vertices[ordered].mean(axis=1)[:, :2], axis=1)
+    radius = np.linalg.norm((skin.vertices[ordered].mean(axis=1) - aside)[:, :2], axis=1)
     assert (np.diff(radius) <= 1e-9).all()
 
 
@@ -115,6 +116,7 @@ def test_only_what_was_not_measured_is_hatched_on_the_page_skin_and_shirt() -> N
         scene = PageScene(server, replace(case, unseen=front.astype(np.float64)))
         points = np.asarray(scene._hatch.points)
         assert scene._hatch.visible
+        assert len(points) > 20
         behind = case.skin.vertices[:, 1].max()
         assert points[..., 1].min() < case.skin.vertices[:, 1].min() + 1.0
         assert points[..., 1].max() < 0.7 * behind

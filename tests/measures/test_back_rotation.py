@@ -269,6 +269,7 @@ def test_points_and_a_line_of_bodies():
     points = np.column_stack([x, 100.0 - np.tan(np.radians(8.0)) * x, z])
     measured = measure_back(points, line(60.0), markers())
     assert measured.spine == "body line"
+    assert not [note for note in measured.notes if "stands on the back" in note]
     for level in map(not_none, measured.levels.values()):
         assert (level.rotation, level.slope) == (pytest.approx(8.0, abs=1e-6), pytest.approx(8.0, abs=1e-6))
 

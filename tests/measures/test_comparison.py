@@ -21,6 +21,7 @@ from warp_trunk.measures.comparison import (
     regions_of,
     skin_distance,
 )
+from warp_trunk.measures.rows import comparison_text
 from warp_trunk.measures.skin_quality import SkinQuality, skin_change, skin_quality
 
 
@@ -39,6 +40,10 @@ def test_error_of_a_twist_is_that_of_its_angles():
     assert comparison.bsr_difference["T4"] == pytest.approx(size["T4"], abs=0.02)
     judged = {name: error.undetectable for name, error in comparison.bsr_error.items() if error}
     assert judged == {"T4-T12": False, "T3-L5": False, "T3-T12": False, "L1-L5": True}
+    lines = dict(line.split(maxsplit=1) for line in comparison_text(comparison).splitlines()[1:5])
+    for name, error in comparison.bsr_error.items():
+        for words in (f"{not_none(error).mean:.2f} ±", "below" if judged[name] else "not below"):
+            assert words in lines[name]
 
 
 def test_largest_rotation_is_compared_at_the_place_of_the_actual_one():

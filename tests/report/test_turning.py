@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from support.report_results import write_small_result
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.report import skin_pictures
+from warp_trunk.report.plots import TICK, section_plots
 from warp_trunk.report.skin_pictures import hatch_invented, looks
 from warp_trunk.report.style import TrunkState, dressed
 from warp_trunk.report.turning import TurningState, script, turning
@@ -92,6 +94,22 @@ def test_what_was_not_measured_is_hatched_in_pictures(tmp_path: Path, monkeypatc
         assert (columns.mean() < body.mean()) == (view is BEHIND)  # the patient's left is on the left from behind
     hatch_invented([None], [pose], reliefs, seen, view)  # type: ignore[list-item]
     assert len(masks) == 2
+
+
+def test_the_outline_of_a_section_is_hatched_where_it_was_not_measured(tmp_path: Path) -> None:
+    pose, after = poses_of(read_result(write_small_result(tmp_path)))
+    invented = (pose.skin.vertices[:, 0] > pose.skin.vertices[:, 0].mean()).astype(np.float64)
+    figure: Any = section_plots([replace(pose, unseen=invented), after])
+    panel = next(axes for axes in figure.axes if axes.lines)
+    lines = {str(line.get_label()): line.get_xydata() for line in panel.lines}
+    ticks = lines["hatched: not measured"].reshape(-1, 3, 2)
+    assert len(ticks) > 10
+    np.testing.assert_allclose(ticks[:, 1] - ticks[:, 0], 2.0 * TICK * np.ones((len(ticks), 2)))
+    assert np.isnan(ticks[:, 2]).all()
+    outline = lines[pose.look.title]
+    middle = 0.5 * (outline[:, 0].min() + outline[:, 0].max())
+    assert ticks[:, :2, 0].min() > middle - 15.0  # x is to the left
+    assert ticks[:, :2, 0].max() > outline[:, 0].max() - 5.0
 
 
 def test_cloth_lies_outside_the_skin_and_its_triangles_face_out(tmp_path: Path) -> None:

@@ -72,6 +72,13 @@ def test_command_ends_with_status_3_only_where_something_needed_is_missing(tmp_p
     assert lines[wrong + 1].strip().startswith("-> ")
 
 
+def test_a_kernel_that_gives_a_wrong_number_is_an_error(monkeypatch) -> None:
+    assert "its result is right" in doctor._kernel()
+    monkeypatch.setattr(doctor, "mean_ratio", lambda _: [0.5])
+    with pytest.raises(RuntimeError, match=r"tetrahedron is 0\.5, not 1"):
+        doctor._kernel()
+
+
 @pytest.mark.parametrize("keep", [0, 10, 64, 500, 1000])
 def test_compiled_modules_that_are_cut_off_are_removed(keep, tmp_path):
     head = bytearray(64)

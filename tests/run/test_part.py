@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from support.drawn import drawn_figures
 from support.small_case import part_case
 from warp_trunk.case import read_case, write_case
 from warp_trunk.case.landmarks import Landmarks
@@ -61,7 +62,8 @@ def test_skin_follows_the_bone_that_moves_and_stays_where_none_does(front):
 
 
 def test_its_report_speaks_of_no_vertebra(front, tmp_path):
-    page = write_report(front, tmp_path)
+    with drawn_figures() as figures:
+        page = write_report(front, tmp_path)
     text = re.sub('base64,[^"]*', "", page.read_text(encoding="utf-8"))
     for heading in ("<h1>The skin before and after surgery</h1>", "<h2>From the two sides that change most</h2>"):
         assert heading in text
@@ -72,6 +74,12 @@ def test_its_report_speaks_of_no_vertebra(front, tmp_path):
     for word in ("Cobb", "vertebra", "hump", "BSR"):
         assert word not in text
     assert {path.stem for path in (tmp_path / "report").glob("*.png")} >= {"first", "second", "sections", "error"}
+    assert front.summary.has_spine is False
+    for axes in figures["sections"].axes:
+        lines = np.concatenate([path.vertices for drawn in axes.collections for path in drawn.get_paths()])
+        for ends, values in zip((axes.get_xlim(), axes.get_ylim()), lines.T, strict=True):
+            inside = (min(ends) < values) & (values < max(ends))
+            assert inside.mean() > 0.3  # about the place of the largest change
 
 
 def test_several_motions_share_a_patient(tmp_path, capsys):

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from support.asserting import forbid_meshing
 from support.phantoms import coarse_mesh, coarse_phantom
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, read_plan
 from warp_trunk.bone_motion.plan.record import Bound, bounds_of_text
-from warp_trunk.case import write_case
+from warp_trunk.case import Case, write_case
 from warp_trunk.cli import main
 from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.simulation import SimulationOptions
@@ -194,9 +195,15 @@ def test_it_is_better_than_every_plan_of_a_grid_in_few_relaxations() -> None:
     assert best.best.value <= min(of_grid) * 1.005
 
 
-def test_a_plan_outside_the_bounds_is_told_but_not_proposed() -> None:
+def test_a_plan_outside_the_bounds_is_told_but_not_proposed(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[Case] = []  # ready, of a case alone
+    module = import_module("warp_trunk.run.best_plan")
+    monkeypatch.setattr(module, "patient_of", lambda case, *_, **__: made.append(case) or patient())
     bounds = (Bound(apex="T8", target="correction", low=0.1, high=0.3),)
-    best = best_plan(patient(), PLAN, bounds, "bsr", most=3)
+    best_plan(patient(), PLAN, bounds, "bsr", most=1)
+    assert made == []
+    best = best_plan(CASE, PLAN, bounds, "bsr", most=3)
+    assert len(made) == 1
     assert best.start.shares == (0.5,)
     assert best.best is best.start  # less correction flattens less
     assert best.gain == best.gain_sd == 0.0

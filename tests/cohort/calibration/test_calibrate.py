@@ -77,6 +77,9 @@ def test_what_is_believed_is_that_of_bands() -> None:
     prior = prior_of(free, True)
     assert prior.mean == pytest.approx([np.log(2.5), 0.8])
     assert prior.sd == pytest.approx([np.log(1.6), 0.15])  # 0.7 to 1.0
+    assert prior.information == pytest.approx(np.diag(prior.sd**-2.0))
+    assert (prior.low[0], prior.high[0]) == pytest.approx((np.log(2.5 / 1000.0), np.log(2.5 * 1000.0)))
+    assert FreeConstant(name="poisson_ratio", start=0.4).limits == (0.0, 0.499)
     assert (prior.low[1], prior.high[1]) == (0.0, 1.0)
     assert (prior_of(free, False).information == 0.0).all()
 
@@ -106,8 +109,11 @@ def test_refused(cases, command, options, said, tmp_path, refused):
 
 def test_a_case_that_cannot_be_read_is_left_out_with_the_reason(cases, tmp_path, capsys):
     shutil.copytree(cases, tmp_path / "cases")
+    write_case(tmp_path / "cases" / "0", turned_case("0", 1.0, Study(patient="P2", pose="bending")))
     (tmp_path / "cases" / "b" / "skin.ply").write_text("no surface", encoding="utf-8")
-    command = Calibrate(folder=tmp_path / "cases", free=("poisson_ratio",), out=tmp_path / "tissue.toml")
+    command = Calibrate(
+        folder=tmp_path / "cases", free=("poisson_ratio",), pose="surgery", out=tmp_path / "tissue.toml"
+    )
     with Progress() as progress:
         jobs, broken = command._cases(command.of_each, progress)
     assert [job.name for job in jobs] == ["a"]
