@@ -1,4 +1,4 @@
-"""All Warp code. May import `errors` and `system`."""
+"""All Warp code. May import `checking` and below."""
 
 import warp as wp
 

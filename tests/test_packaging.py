@@ -91,3 +91,21 @@ def test_an_import_against_the_order_is_found(tmp_path):
     with (tmp_path / "kernels" / "vectors.py").open("a", encoding="utf-8") as file:
         file.write("import warp_trunk.engine.model\n")
     assert "warp_trunk.kernels is not allowed to import warp_trunk.engine" in check_imports.check(tmp_path).stdout
+
+
+def test_every_package_states_what_it_may_import():
+    """The row below it in the contracts of import-linter; a package inside another also what that one may."""
+    text, words = (ROOT.parent / "pyproject.toml").read_text(encoding="utf-8"), {}
+    for contract in tomllib.loads(text)["tool"]["importlinter"]["contracts"]:
+        rows = [row.split(" | ") for row in contract.get("layers", ())]
+        for number, row in enumerate(rows, start=1):
+            names = [f"`{name}`" for name in (rows[number] if number < len(rows) else ())]
+            lower = f"{', '.join(names)} and below" if number < len(rows) - 1 else " and ".join(names)
+            words |= {f"{contract['containers'][0]}.{name}": lower for name in row}
+    inner = {".".join(path.parent.relative_to(ROOT.parent).parts) for path in ROOT.glob("*/**/__init__.py")}
+    assert {"warp_trunk.case", "warp_trunk.kernels", "warp_trunk.io.surface_files"} <= inner | words.keys()
+    for name in inner | words.keys():
+        _, *own, _ = name.split(".")
+        parts = [words.get(name, ""), *(f"what `{package}` may" for package in own)]
+        said = f"May import {', and '.join(filter(None, parts))}." if any(parts) else "Imports no other part"
+        assert said in " ".join(importlib.import_module(name).__doc__.split()), name

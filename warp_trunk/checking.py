@@ -1,4 +1,7 @@
-"""Types, bounds and words of fields and arguments, which their annotations state, checked before any work."""
+"""Types, bounds and words of fields and arguments, which their annotations state, checked before any work.
+
+May import `errors` and `system`.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The one error for bad input: its text names the file or argument, the rule, the value found and the cure."""
+"""The one error for bad input: its text names the file or argument, the rule, the value found and the cure.
+
+Imports no other part of the program.
+"""
 
 import difflib
 import re

@@ -1,6 +1,6 @@
 """The operating system: only this file and `engine.waking` ask which one it is.
 
-Each function has a fallback for systems without what it uses.
+Each function has a fallback for systems without what it uses. Imports no other part of the program.
 """
 
 from __future__ import annotations

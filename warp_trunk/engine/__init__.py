@@ -1,1 +1,1 @@
-"""The relaxation of soft tissue around moving bones. May import NumPy, Warp, `kernels` and below."""
+"""The relaxation of soft tissue around moving bones. May import `kernels` and below."""

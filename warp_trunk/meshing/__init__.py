@@ -1,4 +1,4 @@
-"""From the surfaces of skin and bones to the tetrahedra between them. May import `case` and below."""
+"""From the surfaces of skin and bones to the tetrahedra between them. May import `measures`, `views` and below."""
 
 from warp_trunk.geometry.surface_checks import CrossingError
 

@@ -1,1 +1,1 @@
-"""From scans, films, label maps or formulas to a case. May import `bone_motion` and below."""
+"""From scans, films, label maps or formulas to a case. May import `bone_motion`, `meshing` and below."""

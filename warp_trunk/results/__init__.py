@@ -1,4 +1,4 @@
-"""A result as a folder: one table of numbers, skins, a summary. May import `bone_motion` and below."""
+"""A result as a folder: one table of numbers, skins, a summary. May import `preparation` and below."""
 
 from .result import Result, prepare_folder, read_result, write_result
 from .summarize import RunAccount, result_of

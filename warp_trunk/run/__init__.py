@@ -1,1 +1,4 @@
-"""A run from case to result: prediction, intervals, search of a plan. May import `recording` and below."""
+"""A run from case to result: prediction, intervals, search of a plan.
+
+May import `report`, `recording` and below.
+"""

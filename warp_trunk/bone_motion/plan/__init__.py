@@ -1,4 +1,7 @@
-"""The surgeon's plan, and the rigid motion of every vertebra that meets it with the least motion."""
+"""The surgeon's plan, and the rigid motion of every vertebra that meets it with the least motion.
+
+May import what `bone_motion` may.
+"""
 
 from .plan_file import plan_in, plan_of_text, plan_text, read_plan, write_plan
 from .planner import Planner, lenke_of, plan_surgery

@@ -1,1 +1,1 @@
-"""Constants of tissue and ribs found on patients whose actual skin is known."""
+"""Constants of tissue and ribs found on patients whose actual skin is known. May import what `cohort` may."""

@@ -1,1 +1,1 @@
-"""The energies a trunk can have, one file each."""
+"""The energies a trunk can have, one file each. May import what `engine` may."""

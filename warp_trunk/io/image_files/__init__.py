@@ -1,1 +1,4 @@
-"""Label maps and scans: NIfTI and NRRD, read slab by slab, so that no header can fill the memory."""
+"""Label maps and scans: NIfTI and NRRD, read slab by slab, so that no header can fill the memory.
+
+May import what `io` may.
+"""

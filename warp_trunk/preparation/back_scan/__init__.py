@@ -1,4 +1,7 @@
-"""From a scan of the back and a spine to a case: a body is fitted, and what was not measured is invented."""
+"""From a scan of the back and a spine to a case: a body is fitted, and what was not measured is invented.
+
+May import `phantom` and below, and what `preparation` may.
+"""
 
 from .fit import FittedBack, fit_back
 

@@ -1,4 +1,4 @@
-"""A synthetic trunk."""
+"""A synthetic trunk. May import `deformity` and below, and what `preparation` may."""
 
 from .phantom import phantom_case, straight_trunk
 

@@ -1,4 +1,7 @@
-"""From clinical data to a case: films to landmarks, an atlas to bones, skin into the frame of the bones."""
+"""From clinical data to a case: films to landmarks, an atlas to bones, skin into the frame of the bones.
+
+May import `phantom` and below, and what `preparation` may.
+"""
 
 from .atlas import fit_atlas
 from .registration import register_skin

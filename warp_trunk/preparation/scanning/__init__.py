@@ -1,4 +1,4 @@
-"""From the scans of digitizers to one closed skin."""
+"""From the scans of digitizers to one closed skin. May import `phantom` and below, and what `preparation` may."""
 
 from .closing import close_skin
 
