@@ -7,13 +7,13 @@ rotation of the back from the fitted case less that from the whole body, and the
     uv run python scripts/compare_fitted_backs.py shared/bodies girl13 girl15_slim woman --out results/fitted
 """
 
-import argparse
 import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tyro
 from trunks import read_trunk
 
 from warp_trunk import (
@@ -45,26 +45,22 @@ CORRECTION = 0.65
 OPTIONS = RunOptions(mesh=MeshOptions(tets=120_000), simulation=SimulationOptions(increments=2))
 
 
-def main() -> None:
+def main(
+    bodies: tyro.conf.Positional[Path],
+    names: tyro.conf.Positional[tuple[str, ...]],
+    out: Path = Path("results/fitted_backs"),
+) -> None:
     """Prints the table, after each body what is known of it, and writes it as JSON."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("bodies", type=Path)
-    parser.add_argument("names", nargs="+")
-    parser.add_argument("--out", type=Path, default=Path("results/fitted_backs"))
-    arguments = parser.parse_args()
-    arguments.out.mkdir(parents=True, exist_ok=True)
-    for name in arguments.names:
-        skin, bones = read_trunk(arguments.bodies / name)
+    out.mkdir(parents=True, exist_ok=True)
+    for name in names:
+        skin, bones = read_trunk(bodies / name)
         for kind in CURVES:
-            file = arguments.out / f"{name}_{kind}.json"
+            file = out / f"{name}_{kind}.json"
             if not file.exists():
-                file.write_text(
-                    json.dumps(compared(make_case(skin, bones, CURVES[kind][0], 0.0), kind)),
-                    encoding="utf-8",
-                    newline="\n",
-                )
+                text = json.dumps(compared(make_case(skin, bones, CURVES[kind][0], 0.0), kind))
+                file.write_text(text, encoding="utf-8", newline="\n")
             print(name, kind, file.read_text(encoding="utf-8"), flush=True)
-    print(table([json.loads(file.read_text(encoding="utf-8")) for file in sorted(arguments.out.glob("*.json"))]))
+    print(table([json.loads(file.read_text(encoding="utf-8")) for file in sorted(out.glob("*.json"))]))
 
 
 def compared(whole: Case, kind: str) -> dict[str, Any]:
@@ -139,4 +135,4 @@ def table(results: list[dict[str, Any]]) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main, description=__doc__)

@@ -4,13 +4,13 @@ uv run python scripts/page_pictures.py report results/demo docs/report.png
 uv run python scripts/page_pictures.py live cases/anna t4_l1.toml docs/live.png
 """
 
-import argparse
 import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import tyro
 from playwright.sync_api import Page as Tab
 from playwright.sync_api import sync_playwright
 
@@ -67,23 +67,6 @@ def draw_live(case: Path, plan: Path, out: Path) -> None:
         tab.screenshot(path=out)
 
 
-def main() -> None:
-    """Draws one picture."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    pages = parser.add_subparsers(dest="page", required=True)
-    report = pages.add_parser("report", help="the first screen of a report")
-    report.add_argument("result", type=Path)
-    live = pages.add_parser("live", help="the planning page")
-    live.add_argument("case", type=Path)
-    live.add_argument("plan", type=Path)
-    for page in (report, live):
-        page.add_argument("out", type=Path)
-    arguments = parser.parse_args()
-    if arguments.page == "report":
-        draw_report(arguments.result, arguments.out)
-    else:
-        draw_live(arguments.case, arguments.plan, arguments.out)
-
-
 if __name__ == "__main__":
-    main()
+    commands = {"report": draw_report, "live": draw_live}
+    tyro.extras.subcommand_cli_from_dict(commands, description=__doc__, config=(tyro.conf.PositionalRequiredArgs,))

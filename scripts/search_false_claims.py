@@ -14,7 +14,6 @@ import json
 import sys
 from collections import Counter
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -22,6 +21,7 @@ from typing import Any, Literal
 import numpy as np
 import tyro
 import warp as wp
+from processes import in_processes
 from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial import Delaunay
 from scipy.spatial.transform import Rotation
@@ -255,14 +255,13 @@ def main(options: Options) -> int:
     """Draws the cases and prints what was found."""
     seeds = range(options.seed, options.seed + options.cases)
     results = []
-    with ProcessPoolExecutor(options.processes) as pool:
-        for done, result in enumerate(pool.map(judge, seeds, [options.energy] * len(seeds)), start=1):
-            results.append(result)
-            for claim in result[1]:
-                if claim.false:
-                    print(f"FALSE {claim}\n      {result[0]}", flush=True)
-            if done % 100 == 0:
-                print(f"{done} of {len(seeds)}", file=sys.stderr, flush=True)
+    for done, result in enumerate(in_processes(judge, seeds, options.energy, options.processes), start=1):
+        results.append(result)
+        for claim in result[1]:
+            if claim.false:
+                print(f"FALSE {claim}\n      {result[0]}", flush=True)
+        if done % 100 == 0:
+            print(f"{done} of {len(seeds)}", file=sys.stderr, flush=True)
     if options.json:
         rows = [asdict(d) | {"claims": [asdict(c) for c in claims]} for d, claims in results]
         options.json.write_text(json.dumps(rows), encoding="utf-8", newline="\n")

@@ -5,11 +5,11 @@ Usage: python scripts/voxelise_case.py CASE OUT [--spacing 1.5 1.5 1.5] [--turne
 Writes OUT/labels.nii.gz, OUT/masks/vertebrae_T8.nii.gz and so on (with a body.nii.gz), and OUT/body.nii.gz.
 """
 
-import argparse
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
+import tyro
 from scipy.spatial.transform import Rotation
 from trunks import read_trunk
 
@@ -106,36 +106,45 @@ def total_segmentator_name(name: str) -> str:
     return name if name[0] not in "CTL" or len(name) > 3 else f"vertebrae_{name}"
 
 
-def main() -> None:
-    """Writes the files."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("case", type=Path)
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--spacing", type=float, nargs=3, default=(1.5, 1.5, 1.5), help="of the voxels [mm]")
-    parser.add_argument("--turned", type=float, nargs=3, default=(0.0, 0.0, 0.0), help="about x, y, z [degrees]")
-    parser.add_argument("--mirrored", action="store_true", help="the first axis runs to the patient's right")
-    options = parser.parse_args()
-    (options.out / "masks").mkdir(parents=True, exist_ok=True)
-    skin, bones = read_trunk(options.case)
-    turn = Rotation.from_euler("xyz", options.turned, degrees=True).as_matrix()
-    turn = turn @ np.diag([-1.0 if options.mirrored else 1.0, 1.0, 1.0])
-    a, b, c = options.spacing
-    affine, shape = grid_around(skin, (a, b, c), turn)
+Triple = tuple[float, float, float]
+
+
+def main(
+    case: tyro.conf.Positional[Path],
+    out: tyro.conf.Positional[Path],
+    spacing: Triple = (1.5, 1.5, 1.5),
+    turned: Triple = (0.0, 0.0, 0.0),
+    mirrored: bool = False,
+) -> None:
+    """Writes the files.
+
+    Args:
+        case: the case folder.
+        out: where to write.
+        spacing: of the voxels [mm].
+        turned: about x, y, z [degrees].
+        mirrored: the first axis runs to the patient's right.
+    """
+    (out / "masks").mkdir(parents=True, exist_ok=True)
+    skin, bones = read_trunk(case)
+    turn = Rotation.from_euler("xyz", turned, degrees=True).as_matrix()
+    turn = turn @ np.diag([-1.0 if mirrored else 1.0, 1.0, 1.0])
+    affine, shape = grid_around(skin, spacing, turn)
     numbers = {name: number for number, name in TABLES["totalsegmentator-v2"].items()}
     surfaces = [(numbers[total_segmentator_name(name)], bone) for name, bone in bones.items()]
     labels, present = label_map(surfaces, affine, shape), dict(surfaces)
     names = TABLES["totalsegmentator-v2"]
-    write_labels(options.out / "labels.nii.gz", labels, affine, names)
+    write_labels(out / "labels.nii.gz", labels, affine, names)
     for number in present:
         mask = (labels == number).astype(np.uint8)
-        write_labels(options.out / "masks" / f"{names[number]}.nii.gz", mask, affine)
+        write_labels(out / "masks" / f"{names[number]}.nii.gz", mask, affine)
     box, inside = voxelise(skin, affine, shape)
     body = np.zeros(shape, dtype=np.uint8)
     body[box] = inside
-    for folder in (options.out, options.out / "masks"):
+    for folder in (out, out / "masks"):
         write_labels(folder / "body.nii.gz", body, affine)
-    print(f"{len(present)} labels on {' x '.join(map(str, shape))} voxels written to {options.out}")
+    print(f"{len(present)} labels on {' x '.join(map(str, shape))} voxels written to {out}")
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main, description=__doc__)

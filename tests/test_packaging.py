@@ -108,4 +108,4 @@ def test_every_package_states_what_it_may_import():
         _, *own, _ = name.split(".")
         parts = [words.get(name, ""), *(f"what `{package}` may" for package in own)]
         said = f"May import {', and '.join(filter(None, parts))}." if any(parts) else "Imports no other part"
-        assert said in " ".join(importlib.import_module(name).__doc__.split()), name
+        assert said in " ".join(str(importlib.import_module(name).__doc__).split()), name

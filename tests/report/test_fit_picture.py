@@ -8,7 +8,7 @@ import pytest
 
 from support.drawn import drawn_figures, pixels, side_at
 from support.known_patient import known_case
-from warp_trunk.report.fit_picture import fit_picture
+from warp_trunk.report.scan_pictures import fit_picture
 from warp_trunk.views.relief import BEHIND, LEFT, seen_from
 
 

@@ -2,8 +2,7 @@
 
 from .axes import Axes
 from .case import Case
-from .case_reader import read_case, read_checked_case
-from .case_writer import write_case
+from .case_folder import read_case, read_checked_case, write_case
 from .checks import check_case
 
 __all__ = ["Axes", "Case", "check_case", "read_case", "read_checked_case", "write_case"]

@@ -74,7 +74,7 @@ class FitBack:
                 files, name = (str(self.back), str(self.spine), str(self.markers)), name_of(self.out.resolve())
                 fit = fit_back(points, spine, markers, body, name, colours=colours, files=files)
             with progress.stage("write", f"writing {self.out}"):
-                from warp_trunk.report.fit_picture import fit_picture  # brings matplotlib
+                from warp_trunk.report.scan_pictures import fit_picture  # brings matplotlib
 
                 write_case(self.out, fit.case)
                 write_whole(self.out / "fit.png", fit_picture(fit))

@@ -96,7 +96,7 @@ class Measure:
         write_measures(stem, words, measures.measured())
         print(f"\nWritten to {stem}.json and {stem}.csv")
         if measures.scan is not None and measures.scan.left_out:
-            from warp_trunk.report.back_picture import scan_picture  # brings matplotlib
+            from warp_trunk.report.scan_pictures import scan_picture  # brings matplotlib
 
             write_whole(stem.with_name(f"{stem.name}.png"), scan_picture(measures, measures.scan))
             print(f"What was left out is shown in {stem}.png")

@@ -12,7 +12,7 @@ from warp_trunk.kernels.surface import crossing_faces
 
 from .core_threads import launch_over_cores
 from .distance_field import search_tree
-from .surface import Surface, area_vectors, compact, directed_edges
+from .surface import Surface, area_vectors, compact, directed_edges, side_lengths
 
 
 def linked_parts(first: np.ndarray, second: np.ndarray, count: int) -> np.ndarray:
@@ -133,8 +133,7 @@ def check_solid(surface: Surface, name: str) -> None:
 
 def slivers(surface: Surface, angle: float = LEAST_ANGLE) -> np.ndarray:
     """Numbers of the triangles with an angle of less than some degrees, shape (slivers,)."""
-    corners = surface.vertices[surface.faces]
-    sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+    sides = side_lengths(surface)
     height = 2.0 * np.linalg.norm(area_vectors(surface.vertices, surface.faces), axis=1)
     # the smallest angle lies between the two longer edges
     smallest = height / np.maximum(sides.prod(axis=1) / sides.min(axis=1), 1e-300)

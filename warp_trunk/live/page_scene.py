@@ -1,5 +1,6 @@
 """The scene: skin, bones, lines of depth, and from where they are seen."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -262,29 +263,13 @@ OUTLINE = 15.0
 
 
 def outlines(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Horizontal sections of a skin, `OUTLINE` apart, as ends of segments [mm], shape (segments, 2, 3).
-
-    Args:
-        vertices: of the skin [mm], shape (vertices, 3).
-        faces: its triangles, shape (faces, 3).
-    """
-    height = vertices[:, 2] / vertices.dtype.type(OUTLINE)
-    corners = np.ascontiguousarray(faces.T)
-    cut, level = crossed(np.floor(height).astype(np.int32), corners)
-    return _segments(vertices, height, corners[:, cut], (level + 1).astype(height.dtype))
+    """Horizontal sections of a skin, `OUTLINE` apart, as `level_lines` returns them."""
+    return level_lines(vertices, faces, vertices[:, 2], OUTLINE)
 
 
 def hatch_lines(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Slanting lines `HATCH` apart on some triangles, as ends of segments [mm], shape (segments, 2, 3).
-
-    Args:
-        vertices: of the skin [mm], shape (vertices, 3).
-        faces: the triangles to hatch, shape (faces, 3).
-    """
-    place = (vertices[:, 0] + vertices[:, 2]) / vertices.dtype.type(HATCH)
-    corners = np.ascontiguousarray(faces.T)
-    cut, level = crossed(np.floor(place).astype(np.int32), corners)
-    ends = _segments(vertices, place, corners[:, cut], (level + 1).astype(place.dtype))
+    """Slanting lines `HATCH` apart on some triangles, as `level_lines` returns them."""
+    ends = level_lines(vertices, faces, vertices[:, 0] + vertices[:, 2], HATCH)
     out = ends[:, :, :2] - vertices[:, :2].mean(axis=0)
     ends[:, :, :2] += _LIFT * out / np.maximum(np.linalg.norm(out, axis=2, keepdims=True), 1e-6)
     return ends
@@ -301,22 +286,38 @@ def outer_first(skin: Surface) -> np.ndarray:
 
 
 def relief_lines(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Where planes of equal depth (y), `LINE_DISTANCE` apart, cut the part of a skin that faces back.
+    """Where planes of equal depth (y), `LINE_DISTANCE` apart, cut the part of a skin that faces back, as
+    `level_lines` returns it."""
+    ends = level_lines(vertices, faces, vertices[:, 1], LINE_DISTANCE, _face_back)
+    ends[:, :, 1] += _LIFT
+    return ends
+
+
+def level_lines(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    values: np.ndarray,
+    distance: float,
+    drawn: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
+) -> np.ndarray:
+    """Lines along which values at vertices are the same, from one to the next by a distance in them.
 
     Args:
         vertices: of the skin [mm], shape (vertices, 3); float32 is enough, and faster.
         faces: its triangles, shape (faces, 3).
+        values: at its vertices, shape (vertices,).
+        distance: from line to line.
+        drawn: which triangles, by corner (3, triangles), of the vertices have lines; all when left out.
 
     Returns:
         Ends of line segments [mm], shape (segments, 2, 3), of the type of the vertices.
     """
-    depth = vertices[:, 1] / vertices.dtype.type(LINE_DISTANCE)
-    corners = np.ascontiguousarray(faces.T)  # by corner: each step below goes along rows
-    cut, level = crossed(np.floor(depth).astype(np.int32), corners)
-    back = _face_back(vertices, corners[:, cut])
-    ends = _segments(vertices, depth, corners[:, cut[back]], (level[back] + 1).astype(depth.dtype))
-    ends[:, :, 1] += _LIFT
-    return ends
+    scaled, corners = values / values.dtype.type(distance), np.ascontiguousarray(faces.T)  # steps go along rows
+    cut, level = crossed(np.floor(scaled).astype(np.int32), corners)
+    if drawn is not None:
+        shown = drawn(vertices, corners[:, cut])
+        cut, level = cut[shown], level[shown]
+    return _segments(vertices, scaled, corners[:, cut], (level + 1).astype(scaled.dtype))
 
 
 def _face_back(vertices: np.ndarray, corners: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -24,7 +24,7 @@ _WORDS = "numbers"
 
 @dataclass(frozen=True, kw_only=True)
 class _Numbers:
-    """The part of `TrunkMeasures` of the skin that is no section."""
+    """The part of `TrunkMeasures` of the skin that is no section, under the same names."""
 
     levels: tuple[str, ...]
     """The levels that were cut."""
@@ -38,22 +38,16 @@ class _Numbers:
     missing: dict[str, str] = field(default_factory=dict)
 
 
+_SHARED = tuple(field.name for field in fields(_Numbers) if field.name != "levels")
+
+
 def write_sections(path: Path, states: Mapping[str, TrunkMeasures]) -> None:
     """Write the measured states of a result by their names, as arrays of NumPy."""
     arrays = dict[str, np.ndarray]()
     words = dict[str, _Numbers]()
     for state, measures in states.items():
-        words[state] = _Numbers(
-            levels=tuple(measures.outlines),
-            slopes=measures.slopes,
-            waist=measures.waist,
-            shoulders=measures.shoulders,
-            unseen_humps=measures.unseen_humps,
-            unseen_flanks=measures.unseen_flanks,
-            skin_change_max=measures.skin_change_max,
-            skin_change_mean=measures.skin_change_mean,
-            missing=measures.missing,
-        )
+        shared = {name: getattr(measures, name) for name in _SHARED}
+        words[state] = _Numbers(levels=tuple(measures.outlines), **shared)
         for level, outline in measures.outlines.items():
             if outline is not None:
                 arrays[f"{state}/{level}/outline"] = outline
@@ -109,12 +103,5 @@ def _measured(
         measures,
         outlines=outlines,
         tangents={level: tangent_of(level, outline) for level, outline in outlines.items()},
-        slopes=numbers.slopes,
-        waist=numbers.waist,
-        shoulders=numbers.shoulders,
-        unseen_humps=numbers.unseen_humps,
-        unseen_flanks=numbers.unseen_flanks,
-        skin_change_max=numbers.skin_change_max,
-        skin_change_mean=numbers.skin_change_mean,
-        missing=numbers.missing,
+        **{name: getattr(numbers, name) for name in _SHARED},
     )

@@ -37,7 +37,7 @@ from warp_trunk.meshing.joints import free_joints
 from warp_trunk.meshing.layers import check_labels, layered
 
 from .options import Execution, RunOptions, layers_from
-from .progress import Progress, stage_of
+from .progress import Progress, Silent
 from .unread_options import refuse_unread
 from .warming import WORTH_COMPILING_AHEAD, CompilationAhead
 from .warnings import LARGE
@@ -168,8 +168,8 @@ class MeshedPatient:
     def modelled(self, progress: Progress | None = None) -> PreparedPatient:
         """The patient with the model of her mesh at rest; under gravity, if asked for, the rest that gravity pulls
         into the scan."""
-        case, options, trunk = self.case, self.options, self.trunk
-        with stage_of(progress, "compile", "preparing the model"):
+        case, options, trunk, progress = self.case, self.options, self.trunk, progress or Silent()
+        with progress.stage("compile", "preparing the model"):
             if self.kernels is not None:
                 self.kernels.wait()
             model = build_model(
@@ -180,7 +180,7 @@ class MeshedPatient:
                 precision=options.precision,
             )
         if model.gravity != 0.0 and options.rest == "sag-free":
-            with stage_of(progress, "rest", "finding the rest state that gravity pulls into the scan"):
+            with progress.stage("rest", "finding the rest state that gravity pulls into the scan"):
                 model = sag_free(model).model
         return PreparedPatient(case, options, self.execution, trunk, model)
 
@@ -193,10 +193,10 @@ def mesh_patient(
     progress: Progress | None = None,
 ) -> MeshedPatient:
     """The first half of `patient_of`, with its arguments."""
-    case, kernels = with_constants(case, options.constants), None
+    case, kernels, progress = with_constants(case, options.constants), None, progress or Silent()
     refuse_unread(options, case)
     if trunk is None and options.from_mesh is not None:
-        with stage_of(progress, "mesh", f"reading {options.from_mesh}"):
+        with progress.stage("mesh", f"reading {options.from_mesh}"):
             trunk = read_volume(options.from_mesh, case.skin, case.bones)
         skin = coloured_from(Surface(trunk.nodes[trunk.skin_nodes], trunk.skin_faces), [case.skin])
         case = dataclasses.replace(case, skin=skin)
@@ -205,19 +205,18 @@ def mesh_patient(
     if trunk is None:
         if options.mesh.tets >= WORTH_COMPILING_AHEAD:
             kernels = CompilationAhead(options, execution)
-        with stage_of(progress, "build", "meshing the soft tissue"):
-            message = progress.message if progress is not None and options.mesh.tets >= LARGE else None
+        with progress.stage("build", "meshing the soft tissue"):
+            message = progress.message if options.mesh.tets >= LARGE else None
             build = make_trunk(case.skin, case.bones, options.mesh, message, cache=execution.cache)
         trunk = build.trunk
-        if progress is not None:
-            progress.clock.add("surface", build.surface_seconds)
-            progress.clock.add("mesh", build.mesh_seconds)
+        progress.clock.add("surface", build.surface_seconds)
+        progress.clock.add("mesh", build.mesh_seconds)
     if options.bones == "follow":
         trunk = free_joints(trunk)
     if (source := layers_from(case, options)) == "none":
         trunk = dataclasses.replace(trunk, tissue=None)
     else:
-        with stage_of(progress, "layers", "assigning tissue layers"):
+        with progress.stage("layers", "assigning tissue layers"):
             trunk = layered(trunk, case.layers or Layers(), source)
     return MeshedPatient(case, options, execution, trunk, kernels)
 

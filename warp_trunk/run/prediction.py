@@ -24,7 +24,7 @@ from warp_trunk.meshing import predicted_skin
 
 from .options import Execution, RunOptions
 from .patient import PreparedPatient, find_path, mesh_patient
-from .progress import Progress, stage_of
+from .progress import Progress, Silent
 
 RELEASES = 5
 """How often nodes on bone are released at most."""
@@ -198,14 +198,14 @@ def prepare(
     Raises:
         InputError: the case or an option is one that a stage refuses.
     """
-    options, execution = options or RunOptions(), execution or Execution()
+    options, execution, progress = options or RunOptions(), execution or Execution(), progress or Silent()
     meshed = mesh_patient(case, options, execution, trunk, progress)
     with ThreadPoolExecutor(1) as beside:  # the path is found by SciPy and kernels, without the interpreter
         path = beside.submit(find_path, meshed.case, meshed.trunk, options, device=execution.device)
         patient = meshed.modelled(progress)
-        with stage_of(progress, "compile", "preparing the relaxation"):
+        with progress.stage("compile", "preparing the relaxation"):
             _ = patient.relaxer
-        with stage_of(progress, "path", "finding where the bones go"):
+        with progress.stage("path", "finding where the bones go"):
             return Prediction(patient, patient.case, path.result())
 
 
@@ -222,5 +222,5 @@ def prepare_plan(patient: PreparedPatient, case: Case, progress: Progress | None
     """
     case = with_constants(case, patient.options.constants)
     patient.check(case)
-    with stage_of(progress, "path", "finding where the bones go"):
+    with (progress or Silent()).stage("path", "finding where the bones go"):
         return Prediction(patient, case, patient.path_of(case))

@@ -6,7 +6,7 @@ import math
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Self, TextIO
 
 if TYPE_CHECKING:
@@ -137,11 +137,6 @@ class Silent(Progress):
 
     def _line(self, text: str) -> None:
         pass
-
-
-def stage_of(progress: Progress | None, name: str, doing: str) -> AbstractContextManager[None]:
-    """A stage of a progress, or nothing where there is none."""
-    return nullcontext() if progress is None else progress.stage(name, doing)
 
 
 def _time(seconds: float) -> str:

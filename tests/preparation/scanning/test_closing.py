@@ -22,9 +22,8 @@ from warp_trunk.geometry.surface_checks import check_solid, components, enclosed
 from warp_trunk.geometry.surface_fit import fit_to_points
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.preparation.phantom.phantom import straight_trunk
-from warp_trunk.preparation.scanning.closing import CloseOptions, close_skin
+from warp_trunk.preparation.scanning.closing import CloseOptions, close_skin, sheet_samples, winding_field
 from warp_trunk.preparation.scanning.parts import align_parts, check_parts
-from warp_trunk.preparation.scanning.winding import sheet_samples, winding_field
 
 OPTIONS = CloseOptions(edge_length=12.0)
 PAPER = 1.4

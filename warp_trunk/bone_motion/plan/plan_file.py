@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from warp_trunk.case import Case, write_case
-from warp_trunk.case.case_writer import begin_case
+from warp_trunk.case.case_folder import begin_case
 from warp_trunk.case.folders import is_case, refuse_case
 from warp_trunk.checking import checked
 from warp_trunk.errors import InputError

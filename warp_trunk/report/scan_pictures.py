@@ -1,4 +1,4 @@
-"""A body fitted to a scan of the back: what was measured, what is invented and what was left out."""
+"""Pictures of a scanned back: its measures, and a body fitted to it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ import numpy as np
 from matplotlib import colormaps, rc_context
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm
+from matplotlib.figure import Figure
 
+from warp_trunk.geometry.back_points import BackPoints
+from warp_trunk.measures import BackMeasures
 from warp_trunk.preparation.back_scan import FittedBack
 from warp_trunk.views.relief import BEHIND, FRONT, LEFT, relief, seen_from, window
 
@@ -14,7 +17,7 @@ from .panels import panels, shaded
 from .skin_pictures import GREY
 from .style import FAINT, INK, RC, file_of
 
-_OUT = "#aa3377"
+_ORANGE, _PURPLE = "#ee7733", "#aa3377"
 _DISTANCE_STEPS = (0.0, 0.25, 0.5, 1.0, 1.5, 3.0)
 _PIXEL, _SHOWN = 1.0, 6000
 
@@ -45,7 +48,7 @@ def fit_picture(fit: FittedBack) -> bytes:
                 at, values = _some(seen_from(fit.scan.points, marks, view), fit.distance)
                 axes.scatter(at[:, 0], at[:, 2], s=0.35, linewidths=0, c=values, cmap="viridis", norm=norm)
             at, _ = _some(seen_from(fit.left_out, marks, view), np.zeros(len(fit.left_out)))
-            axes.scatter(at[:, 0], at[:, 2], s=0.5, linewidths=0, color=_OUT)
+            axes.scatter(at[:, 0], at[:, 2], s=0.5, linewidths=0, color=_PURPLE)
             centres = seen_from(marks.middles(), marks, view)
             axes.plot(centres[:, 0], centres[:, 2], color=INK, lw=0.9, marker="o", ms=1.6)
         mapped = ScalarMappable(norm, colormaps["viridis"])
@@ -53,7 +56,7 @@ def fit_picture(fit: FittedBack) -> bytes:
         bar.ax.set_xlabel("distance of the scan from the skin [mm]", fontsize=8.5)
         words = f"grey: invented ({100.0 * fit.invented:.0f} % of the skin)"
         figure.text(0.02, 0.02, words, fontsize=8.0, color=FAINT)
-        figure.text(0.98, 0.02, f"{len(fit.left_out)} points left out", fontsize=8.0, color=_OUT, ha="right")
+        figure.text(0.98, 0.02, f"{len(fit.left_out)} points left out", fontsize=8.0, color=_PURPLE, ha="right")
         return file_of(figure, "png")
 
 
@@ -61,3 +64,42 @@ def _some(points: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarra
     """As many of some points (n, 3) and their values as a picture can show."""
     rows = np.linspace(0, len(points) - 1, min(len(points), _SHOWN)).astype(int)
     return points[rows], values[rows]
+
+
+_MARGIN = 150.0
+"""Points farther than this beside the skin are counted and not drawn [mm]."""
+_MOST_POINTS = 20_000
+
+
+def scan_picture(measures: BackMeasures, scan: BackPoints) -> bytes:
+    """The points of a scan seen from behind, as a PNG file.
+
+    The skin is grey, what stands on it purple, surroundings are orange; a line at each level joins the points that
+    the dual tangent touches.
+    """
+    skin = scan.skin[~scan.bridged]
+    around = np.vstack([scan.surroundings, scan.hidden])
+    low, high = skin.min(axis=0) - _MARGIN, skin.max(axis=0) + _MARGIN
+    with rc_context(RC):
+        figure = Figure(figsize=(5.0, 6.0), dpi=110, layout="constrained")
+        axes = figure.add_subplot()
+        parts = (
+            (around, _ORANGE, f"left out: {len(around)} points"),
+            (skin, FAINT, f"skin: {len(skin)} points"),
+            (scan.raised, _PURPLE, f"stands on the skin: {len(scan.raised)} points"),
+        )
+        for points, colour, words in parts:
+            some = points[:: 1 + len(points) // _MOST_POINTS]
+            axes.scatter(some[:, 0], some[:, 2], s=0.6, linewidths=0, color=colour, label=words)
+        for level, at in measures.levels.items():
+            if at is None:
+                continue
+            if at.tangent is not None:
+                ends = np.stack([at.tangent.left, at.tangent.right])
+                axes.plot(ends[:, 0], [at.height] * 2, color=INK, lw=0.9, marker="o", ms=2.0)
+            words = level if at.tangent is not None else f"{level} –"
+            axes.annotate(words, (high[0] - 5.0, at.height), fontsize=7, color=INK, ha="right", va="center")
+        axes.set(xlim=(low[0], high[0]), ylim=(low[2], high[2]), aspect="equal", xlabel="to the left [mm]")
+        axes.set_ylabel("up [mm]")
+        axes.legend(loc="lower left", fontsize=7, markerscale=8.0, frameon=True)
+        return file_of(figure, "png")
