@@ -5,9 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import warp_trunk.cli.back as back_command
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
 from warp_trunk.io.surface_files import write_surface
+from warp_trunk.preparation.back_scan.body import made_body
 from warp_trunk.preparation.back_scan.scan import cut_back
 from warp_trunk.preparation.phantom import straight_trunk
 
@@ -60,8 +62,15 @@ BROKEN = [
 ]  # fmt: skip
 
 
+@pytest.fixture(scope="module")
+def body():
+    """The body of the program, made once."""
+    return made_body()
+
+
 @pytest.mark.parametrize("row", BROKEN, ids=lambda row: row[0])
-def test_a_broken_back_is_refused(back, refused, tmp_path, row):
+def test_a_broken_back_is_refused(back, body, refused, tmp_path, monkeypatch, row):
+    monkeypatch.setattr(back_command, "made_body", lambda: body)
     _, spoil, *fragments = row
     refused([*written(tmp_path, *spoil(*back)), "--out", str(tmp_path / "case")], *fragments)
     assert not (tmp_path / "case").exists()

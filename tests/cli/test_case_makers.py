@@ -152,6 +152,7 @@ def test_a_case_that_can_be_read_with_its_picture_and_its_confidence(files, tmp_
         main(["import", "--help"])
 
 
+@pytest.mark.slow
 def test_what_is_missing_is_named_and_the_rest_is_written(files, tmp_path, capsys):
     values, affine = labels()
     write_labels(tmp_path / "a.nii.gz", np.where(values == NUMBERS["hip_left"], 5, values), affine, NAMES)
@@ -171,6 +172,7 @@ def test_an_imported_case_is_not_written_onto_another(files, tmp_path, refused):
     refused(["import", files[0], "--out", tmp_path], "is a case folder")
 
 
+@pytest.mark.slow
 def test_doubts_are_kept_in_the_case_and_shown_by_plan(files, tmp_path, capsys):
     """T6 has no label: import names it, and so does every command that reads the case."""
     values, affine = labels()

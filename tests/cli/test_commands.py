@@ -161,6 +161,7 @@ def test_help_shows_what_people_set_and_the_whole_help_the_rest(capsys: pytest.C
     assert "Requested number of tetrahedra" in said["--help"]  # documented at the field of the option
 
 
+@pytest.mark.slow
 def test_flags_reach_the_run_and_the_rest_is_the_cases(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("WARP_TRUNK_CACHE", str(tmp_path / "cache"))
     case = small_case()

@@ -209,12 +209,14 @@ NOT_CONVERGED = {
 """How the cases end that have no equilibrium of itmsm within reach; all others converge."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*BOTH, *ITMSM])
 def test_ends_in_a_true_way(name: str) -> None:
     ended, _ = check_ending({**BOTH, **ITMSM}[name]())
     assert ended.status is NOT_CONVERGED.get(name, RelaxStatus.CONVERGED)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*BOTH, *CONTINUUM])
 def test_a_continuum_ends_in_a_true_way(name: str) -> None:
     """Also from the mirror image of the trunk, which the energy itmsm cannot leave."""

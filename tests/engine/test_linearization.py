@@ -118,6 +118,7 @@ def test_constants_against_differences(options: dict[str, Any]) -> None:
     assert check_constants(options, 1e-4) == wanted | {"youngs_modulus"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [{"energy": "itmsm", "weights": "volume"}, {"energy": "neo-hookean", "skin_rigidity": 20.0}],

@@ -202,6 +202,7 @@ def test_a_derivative_that_is_refused_leaves_the_matrix_where_it_was(monkeypatch
     assert (linear.follow(bones) == wanted).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("threads", [1, 2])
 def test_a_linearization_takes_turns_with_relaxations(threads: int) -> None:
     """On one model they wrote to each other's program: it crashed with one thread, and hung with two."""

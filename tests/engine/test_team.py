@@ -65,6 +65,7 @@ def test_every_way_gives_the_same_bits(energy: str, monkeypatch: pytest.MonkeyPa
     assert ends[0] == ends[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("started", [False, True])
 @pytest.mark.parametrize("number", [0, 1, 2])

@@ -123,7 +123,7 @@ def turned_pelvis(degrees: float) -> Landmarks:
     return Landmarks(names, points)
 
 
-@pytest.mark.parametrize(("level", "pelvis"), [*((level, 0) for level in LEVELS), ("T8", 20), ("T10", 20)])
+@pytest.mark.parametrize(("level", "pelvis"), [("T2", 0), ("T8", 0), ("L2", 0), ("T10", 20)])
 def test_rotation(level: str, pelvis: float) -> None:
     skin, landmarks = rough(), turned_pelvis(pelvis)
     tangent = not_none(back_surface_rotation(skin, landmarks)[level])
@@ -132,7 +132,7 @@ def test_rotation(level: str, pelvis: float) -> None:
     agree(differs(lambda m: m.bsr[level], derivative, skin, landmarks))
 
 
-@pytest.mark.parametrize("level", ["T5", "T8", "T12", "L2"])
+@pytest.mark.parametrize("level", ["T8", "L2"])
 def test_hump(level: str) -> None:
     skin, landmarks = rough(), CASE.landmarks_before
     tangent = not_none(back_surface_rotation(skin, landmarks)[level])

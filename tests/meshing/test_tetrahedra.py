@@ -62,6 +62,7 @@ def test_surfaces_that_need_more_than_asked_are_named(asked, runs, monkeypatch):
 SHELLS = [(0, 0, 50.0), (1, 0, 70.0), (2, 1, 50.0), (2, 2, 90.0), (3, 3, 94.0), (4, 2, 50.0), (4, 4, 95.0)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [1.2, 100.0])
 @pytest.mark.parametrize(("outer", "inner", "radius"), SHELLS)
 def test_what_is_refused_before_it_is_tried_cannot_be_done(outer, inner, radius, ratio):
@@ -148,6 +149,7 @@ def test_its_death_is_one_line(monkeypatch, tmp_path, death, said):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.slow
 def test_a_script_without_a_guard_can_mesh(tmp_path):
     script = (
         "from support.synthetic import sphere; from warp_trunk.meshing.tetrahedra import tetrahedralize;"

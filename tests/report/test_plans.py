@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from support.drawn import drawn_figures
 from support.known_spine import known_spine
 from support.report_results import write_small_result
 from support.trunk_shapes import posed
@@ -79,7 +80,8 @@ def test_plans_within_the_interval_of_their_difference_are_alike(three):
 def test_page_holds_every_plan_and_nothing_from_outside(tmp_path, capsys):
     folders = [write_small_result(tmp_path / name, name=f"<b>{name}</b>") for name in ("first", "second")]
     (folders[1] / "plan.toml").write_text('uiv = "T4"  # <i>\nliv = "L1"\n', encoding="utf-8")
-    assert main(["report", *map(str, folders)]) == 0
+    with drawn_figures():
+        assert main(["report", *map(str, folders)]) == 0
     page = tmp_path / "plans.html"
     assert str(page) in capsys.readouterr().out
     text = page.read_text(encoding="utf-8")

@@ -13,6 +13,7 @@ import pytest
 from PIL import Image
 
 from support.asserting import not_none
+from support.drawn import drawn_figures
 from support.report_results import small_bands, write_small_result
 from support.small_trunk import small_case
 from support.synthetic import box
@@ -131,7 +132,8 @@ def test_result_that_did_not_converge_says_so_first_and_predicts_nothing(tmp_pat
         row["estimated_error_mm"] = None
     del summary["parameters"]["tolerance"]
     (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
-    text = write_report(read_result(folder)).read_text(encoding="utf-8")
+    with drawn_figures():
+        text = write_report(read_result(folder)).read_text(encoding="utf-8")
     assert text.index("did not reach its end (STALLED)") < text.index("<img")
     assert "What changes" not in text
     assert RelaxStatus.STALLED.value[1:] in Elements(text).words
@@ -148,7 +150,8 @@ def test_command_writes_the_same_bytes_elsewhere_and_says_where(plain, tmp_path,
 
 
 def test_front_is_bare_only_where_that_is_asked_for(plain, tmp_path):
-    assert main(["report", str(plain[0]), "--views", "bare", "--out", str(tmp_path)]) == 0
+    with drawn_figures():
+        assert main(["report", str(plain[0]), "--views", "bare", "--out", str(tmp_path)]) == 0
     names = {path.stem for path in (tmp_path / "report").iterdir()}
     assert names - set(PICTURES) == {"bare_front", "bare_side", "stretch_front"}
     assert "Without clothes" in Elements((tmp_path / "report.html").read_text(encoding="utf-8")).words
@@ -161,7 +164,9 @@ def test_a_plan_and_bands_are_on_the_page(plain, tmp_path):
     (folder / "plan.toml").write_text(
         'uiv = "T4"\nliv = "L1"\n[[curve]]\napex = "T8"\ncorrection = 0.65\n', encoding="utf-8"
     )
-    words = " ".join(Elements(write_report(read_result(folder)).read_text(encoding="utf-8")).words.split())
+    with drawn_figures():
+        page = write_report(read_result(folder))
+    words = " ".join(Elements(page.read_text(encoding="utf-8")).words.split())
     assert words.count("The 10 vertebrae from T4 to L1 are joined") == 2  # for the patient, and to sign
     assert "Plan: T4 to L1 joined (10 vertebrae); curve at T8: 65 % of the Cobb angle corrected." in words
     assert "A scar runs along the vertebrae from T4 to L1." in words

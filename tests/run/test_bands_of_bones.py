@@ -61,7 +61,9 @@ def test_rigid_bones_have_the_intervals_of_whole_simulations() -> None:
     assert 0.6 < np.sqrt(np.square(bands.skin_sd).mean() / np.square(spread).mean()) < 1.6
 
 
-@pytest.mark.parametrize("mirrored", [False, True], ids=["on the right", "on the left"])
+@pytest.mark.parametrize(
+    "mirrored", [pytest.param(False, marks=pytest.mark.slow), True], ids=["on the right", "on the left"]
+)
 def test_a_likely_worse_back_has_the_larger_hump_on_either_side(mirrored: bool) -> None:
     case, _, _ = known_case(mirrored=mirrored)
     case = replace(case, uncertainty=SPREAD)

@@ -134,6 +134,7 @@ def test_several_plans_use_the_patient_and_the_warnings_that_are_given(monkeypat
         simulate(case, {"a": plan}, RunOptions(), patient=patient)
 
 
+@pytest.mark.slow
 def test_python_says_nothing_but_the_stages_of_the_run() -> None:
     """Neither on Warp's start nor for its kernels."""
     script = (
@@ -169,6 +170,7 @@ def patient(tolerance: float = 0.01) -> PreparedPatient:
     return patient_of(CASE, options, execution=Execution(device="cpu"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("aim", ["bsr", "hump"])
 def test_slopes_against_differences_of_whole_simulations(aim: Aim) -> None:
     search, exact = Search(CASE, PLAN, aim, BOUNDS), patient(1e-6)

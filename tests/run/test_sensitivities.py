@@ -158,6 +158,7 @@ def phantom(request: pytest.FixtureRequest) -> Simulated:
     return Simulated(coarse_phantom(), options_of(request.param))
 
 
+@pytest.mark.slow
 def test_a_phantom(phantom: Simulated) -> None:
     names = {(s.quantity, s.level) for s in phantom.sensitivities}
     assert {("bsr_deg", "T1"), ("bsr_deg", "T8"), ("bsr_deg", "L4"), ("shoulder_difference_mm", "")} <= names

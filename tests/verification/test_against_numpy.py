@@ -126,6 +126,7 @@ def moved_bone() -> tuple[TrunkMesh, np.ndarray]:
     return trunk, start
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gravity", [0.0, 9.81])
 @pytest.mark.parametrize(
     ("scene", "energy", "tissue"),

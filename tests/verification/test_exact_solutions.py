@@ -258,6 +258,7 @@ def test_simple_shear(solver: str, nu: float) -> None:
     np.testing.assert_allclose(solved.forces, 1e-3 * area_vectors(exact) @ stress.T, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize(("nu", "make"), [(0.3, swollen), (0.45, swollen), (0.3, hanging), (0.45, hanging)])
 def test_order_of_convergence(solver: str, make: Callable[[int, float], Exact], nu: float) -> None:
@@ -298,6 +299,7 @@ def turned_end() -> tuple[TrunkMesh, np.ndarray]:
     return trunk, turned_about_z(trunk.nodes, degrees, (15.0, 15.0)) - trunk.nodes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gravity", [0.0, 9.81])
 @pytest.mark.parametrize("nu", [0.3, 0.45, 0.49])
 @pytest.mark.parametrize("scene", [moved_bone, turned_end])

@@ -218,6 +218,7 @@ def spectrum(lowest: float, decades: float) -> np.ndarray:
     return np.diag(np.append(lowest, np.logspace(-decades, 0.0, SIZE - 1)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lowest", [-1e-6, -1e-3, -0.1])
 @pytest.mark.parametrize("decades", [1.0, 3.0])
 @pytest.mark.parametrize("chance", [0.3, 0.1, 0.03])

@@ -193,6 +193,7 @@ TRUNK = block_with_bone((5, 3, 3), holes=((1, 1, 1), (3, 1, 1)))
 MOVED = np.where((TRUNK.bone == 1)[:, None], [2.0, -2.0, 1.0], 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("precision", "gravity"), [("float32", 0.0), ("float32", 9.81), ("float64", 9.81)])
 def test_ends_stopped_with_an_honest_distance_and_bones_in_place(precision: str, gravity: float) -> None:
     model = model_of(TRUNK, precision=precision, gravity=gravity)
@@ -405,6 +406,7 @@ def test_a_relaxation_near_the_last_takes_the_hessian_that_was_prepared_there() 
     assert reference.error(relaxer.state.host_displacement(), 1e-6) <= 0.1
 
 
+@pytest.mark.slow
 def test_the_distance_of_a_step_is_that_of_where_it_led() -> None:
     trunk = block((2, 2, 3))
     relaxer = Relaxer(model_of(trunk), RelaxOptions(tolerance=1e-3))

@@ -140,6 +140,7 @@ def test_what_is_invented_is_read_back_with_the_case(fit, tmp_path):
     assert np.array_equal(not_none(read.unseen), ~fit.seen)
 
 
+@pytest.mark.slow
 def test_landmarks_of_films_leave_less_to_invent(scan, whole):
     fit = fit_back(scan[0], spine_of_marks(whole.landmarks_before), scan[2])
     marks = fit.case.landmarks_before
@@ -189,6 +190,7 @@ def bare(whole):
     return cut_back(whole)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strap", STRAPS)
 def test_a_strap_turns_no_level(bare, strap):
     """Each level is right within a degree, or left out because it depends on the skin under the strap."""
@@ -203,6 +205,7 @@ def test_a_strap_turns_no_level(bare, strap):
         assert rotation == pytest.approx(expected, abs=1.0), level
 
 
+@pytest.mark.slow
 def test_a_back_with_a_plait_before_a_wall_is_fitted_as_it_is_without(bare, whole):
     points = raised(bare, plait)
     fit = fit_back(np.vstack([points, wall(points)]), *bare[1:])

@@ -173,6 +173,7 @@ def test_skin_takes_its_share_of_the_turn() -> None:
 BLOCKS = spine_and_hips()
 
 
+@pytest.mark.slow
 def test_case_holds_the_curve_and_its_correction() -> None:
     case = make_case(SKIN, BLOCKS, SpineCurve(kind="double_major", cobb=40.0), 0.7)
     assert case.name == "double_major 40 degrees, 70 % corrected"

@@ -78,6 +78,7 @@ SAME_SOURCES: dict[str, Callable[[Path], Path]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", SAME_SOURCES)
 def test_every_form_of_a_label_map_gives_the_same_bones(made, files, tmp_path, form):
     source = read_source(SAME_SOURCES[form](tmp_path))
@@ -91,6 +92,7 @@ def test_every_form_of_a_label_map_gives_the_same_bones(made, files, tmp_path, f
     np.testing.assert_allclose(again.case.landmarks_before.points, made.case.landmarks_before.points, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_a_dicom_segmentation_gives_the_same_case(made, files, tmp_path):
     values, affine = labels()
     names = {number: NAMES[number] for number in np.unique(values).tolist() if number}
@@ -102,6 +104,7 @@ def test_a_dicom_segmentation_gives_the_same_case(made, files, tmp_path):
     np.testing.assert_allclose(again.case.landmarks_before.points, made.case.landmarks_before.points, atol=0.1)
 
 
+@pytest.mark.slow
 def test_surfaces_by_names_of_others(made, tmp_path):
     names = {
         "T5": "fifth thoracic vertebra",
@@ -118,6 +121,7 @@ def test_surfaces_by_names_of_others(made, tmp_path):
     assert len(again.landmarks.vertebrae) == len(LEVELS)
 
 
+@pytest.mark.slow
 def test_a_vertebra_that_the_image_ends_in_has_no_landmarks(files, tmp_path):
     values, affine = labels()
     inside = np.argwhere(values == NUMBERS["vertebrae_T5"])
@@ -137,6 +141,7 @@ def changed_map(
     return tmp_path / "a.nii.gz"
 
 
+@pytest.mark.slow
 def test_stray_labels_are_left_out_with_a_note(files, tmp_path):
     counts = {"rib_right_12": 1, "rib_left_12": 8}
 
@@ -180,6 +185,7 @@ def test_the_first_sacral_vertebra_is_a_part_of_the_sacrum(tmp_path):
         assert len(points) == np.isin(values, list(names)).sum()
 
 
+@pytest.mark.slow
 def test_masks_of_half_of_the_body_say_where_they_do_not_reach(made, files, tmp_path):
     """Fat and muscle above the middle of the body alone; the fat is a shell of 10 mm."""
     body_mask = read_body(files[1])

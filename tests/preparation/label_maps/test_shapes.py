@@ -57,6 +57,7 @@ def humeri(box: tuple) -> dict[str, Surface]:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("arms", "box", "at"), [("hanging", HANGING, 138.0), ("raised", RAISED, 175.0)])
 def test_arms_are_cut_off_and_the_skin_is_closed(arms, box, at):
     skin, cuts = body_skin(body(arms), {**BONES, **humeri(box)}, (), 10.0)
@@ -72,6 +73,7 @@ def test_arms_are_cut_off_and_the_skin_is_closed(arms, box, at):
     assert trunk < enclosed_volume(skin) < 1.05 * trunk
 
 
+@pytest.mark.slow
 def test_arms_whose_bones_have_no_labels_stay():
     skin, cuts = body_skin(body("raised"), BONES, (), 12.0)
     check_solid(skin, "skin")
@@ -307,6 +309,7 @@ def away(points: np.ndarray, line: np.ndarray) -> np.ndarray:
     return np.linalg.norm(points - start - share[:, None] * along, axis=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("spacing", "turn"), [((2.0, 2.0, 2.0), np.eye(3)), ((0.9, 2.0, 3.0), np.diag([-1.0, 1.0, 1.0]))]
 )

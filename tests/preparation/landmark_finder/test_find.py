@@ -58,11 +58,11 @@ def rotation_off(measured: Landmarks, truth: Landmarks, left: np.ndarray) -> flo
 @pytest.mark.parametrize(
     "curve",
     [
-        SpineCurve(kind="thoracic", cobb=90.0),
-        SpineCurve(kind="thoracolumbar", cobb=45.0, direction="left"),
+        pytest.param(SpineCurve(kind="thoracic", cobb=90.0), marks=pytest.mark.slow),
+        pytest.param(SpineCurve(kind="thoracolumbar", cobb=45.0, direction="left"), marks=pytest.mark.slow),
         SpineCurve(kind="double_major", cobb=75.0, apical_rotation=40.0),
     ],
-    ids=lambda curve: curve.kind,
+    ids=["thoracic", "thoracolumbar", "double_major"],
 )
 def test_curved_spine_of_known_landmarks(curve: SpineCurve) -> None:
     curved, truth, poses = imposed(SPINE, known_spine(), curve)
@@ -113,6 +113,7 @@ NO_ARCH = (VERTEBRA[0],)
 NO_CANAL = (*VERTEBRA, ((-16, -30, 0), (16, -10, 20)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("broken", "reason"),
     [

@@ -57,6 +57,7 @@ def check_closed(surface):
     assert len(surface.vertices) - len(surface.faces) // 2 == 2  # genus 0
 
 
+@pytest.mark.slow
 def test_noisy_views_with_holes_become_the_trunk(phantom):
     ends = flat_ends(phantom)
     scans = scan(phantom, unseen=ends, count=8, seed=3)
@@ -88,6 +89,7 @@ def test_one_skin_with_a_hole_and_no_noise(phantom):
     assert off[sides].mean() < 0.25
 
 
+@pytest.mark.slow
 def test_cuts_asked_for(phantom):
     scans = scan(phantom, unseen=flat_ends(phantom), fraction=0.0, noise=0.0)
     cuts = [CutPlane((0.0, 0.0, 400.0), (0.0, 0.0, 1.0)), CutPlane((0.0, 0.0, 60.0), (0.0, 0.0, -1.0))]
