@@ -4,21 +4,19 @@
 
 Each test file runs once under coverage, which notes the lines that each test and each shared fixture executes
 (`mutant_contexts.py`). A mutant is then given to the tests that execute its statement, those in the folder of its
-package first and the quick ones first, until one fails; after them to the other tests of the files that execute
-it, as what is cached or imported runs in the first test that asks for it. A mutant of a statement that no test
-executes survives at once. Each worker changes its own copy of the tree. Outcomes are
-written as they come, so a run that was stopped goes on where it ended. `mutants.md` under --out then holds the
-rates and the survivors; a word that is written behind a survivor there is kept by the next run.
+package first and the quick ones first, until one fails; after them to the other tests of those files, as what is
+cached or imported runs in the first test that asks for it. Each worker changes its own copy of the tree. Outcomes
+are written as they come, so a run that was stopped goes on where it ended. `mutants.md` under --out holds the
+rates and the survivors.
 
-Operators are those of cosmic-ray that `[tool.cosmic-ray]` in pyproject.toml leaves, and three below. The rule
-`_left_out` leaves out what is written for people or type checkers (docstrings, annotations), the style of
-pictures, and guards against a programmer's fault.
+Operators are those of cosmic-ray that `[tool.cosmic-ray]` in pyproject.toml leaves, and three below. `_left_out`
+leaves out what is written for people or type checkers (docstrings, annotations), the style of pictures, and guards
+against a programmer's fault.
 """
 
 import ast
 import contextlib
 import difflib
-import hashlib
 import itertools
 import json
 import os
@@ -35,7 +33,7 @@ import tomllib
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -53,13 +51,14 @@ PYTEST = (sys.executable, "-m", "pytest", "-q", "--no-header", "--tb=no", "-rfE"
 
 STYLE_ARGUMENTS = re.compile(
     r"alpha|antialiased|\w*pad|bbox\w*|c|capsize|cmap|\w*colors?|dpi|figsize|font\w+|frameon|gridspec_kw|ha|layout"
-    r"|line(style|width)s?|loc|lw|ls|marker(size)?|ms|s|style|va|\w+_ratios|[hw]space|zorder|help|metavar"
+    r"|line(style|width)s?|loc|lw|ls|marker(size)?|me[cw]|ms|opacity|radii|s|style|thickness|va|widths?|\w+_ratios"
+    r"|[hw]space|zorder|help|metavar"
 )
 """Keyword arguments that style a picture or word a help text."""
 STYLE_CALLS = re.compile(
-    r"(.*\.)?(grid|tick_params|set_axis_off|set_aspect|legend|subplots_adjust|tight_layout|cast)"
+    r"(.*\.)?(grid|tick_params|set_axis_off|set_aspect|legend|subplots_adjust|tight_layout|new_figure|cast)"
 )
-"""Methods of matplotlib that style a picture, and what is for type checkers."""
+"""Functions that style or size a picture, and what is for type checkers."""
 STYLE_NAMES = re.compile(r"_?[A-Z_]*(COLOU?RS?|DPI|FONT|WIDTH|SIZE|STYLE|GRE[AY]|ALPHA|MARGIN|RADIUS)[A-Z_]*")
 """Names of constants that style a picture."""
 COLOUR = re.compile(r"\(\d+, \d+, \d+(, \d+)?\)|\[0\.\d+, 0\.\d+, 0\.\d+\]")
@@ -141,10 +140,6 @@ class Options:
     """Mutants that are tested at once, each on one core in its copy of the tree."""
     budget: float = 60.0
     """Seconds of tests, as they took once, after which no further test is given to a mutant."""
-    minutes: float = 1e9
-    """No test run is started after so many minutes; the outcomes so far are written."""
-    without: tuple[str, ...] = ()
-    """Beginnings of the paths of test files that are left out."""
 
 
 @dataclass(frozen=True)
@@ -154,11 +149,11 @@ class Mutant:
     path: str
     """Relative to the tree."""
     line: int
-    operator: str
-    occurrence: int
     before: str
     """The changed lines."""
     after: str
+    text: str
+    """All of the file with the fault."""
 
     @property
     def name(self) -> str:
@@ -169,59 +164,47 @@ class Mutant:
     def place(self) -> str:
         return f"{self.path}:{self.line}"
 
-    @property
-    def statement(self) -> tuple[str, set[int]]:
-        """The file, and the lines of the statement that is changed."""
-        return self.path, _statement((ROOT / self.path).read_text(encoding="utf-8"), self.line)
-
-    def text(self, tree: Path) -> str:
-        """The file with the fault."""
-        return _mutated((tree / self.path).read_text(encoding="utf-8"), self.operator, self.occurrence)
+    def executed_lines(self) -> set[int]:
+        """The lines of the innermost statement that is changed, of a compound one those of its head."""
+        spans = _spans((ROOT / self.path).read_text(encoding="utf-8"))
+        around = [(low, high) for low, high in spans if low <= self.line <= high]
+        low, high = min(around, key=lambda span: span[1] - span[0], default=(self.line, self.line))
+        return set(range(low, high + 1))
 
 
 @dataclass(frozen=True)
 class Tested:
-    """A test file as it ran on the unchanged tree."""
+    """A test file as it ran on the unchanged tree; tests that fail there are left out."""
 
     path: str
-    seconds: float
-    failed: list[str]
-    """Tests that fail there; they are not asked."""
     tests: dict[str, tuple[float, list[str]]] = field(default_factory=dict)
     """By id: seconds of the test alone, and its shared fixtures."""
     fixtures: dict[str, float] = field(default_factory=dict)
     """Seconds of each shared fixture."""
-    executed: dict[str, list[str]] = field(default_factory=dict)
+    executed: dict[str, set[str]] = field(default_factory=dict)
     """Tests and shared fixtures that execute a statement with a mutant, by its place; "" for what is imported."""
 
-    def asked(self, place: str) -> tuple[list[str], list[str]]:
-        """Tests that execute a statement, and the others of the file where anything in it does."""
-        contexts = set(self.executed.get(place, ()))
-        if not contexts:
-            return [], []
-        able = [name for name in self.tests if name not in self.failed]
-        own = [name for name in able if contexts.intersection([name, *self.tests[name][1]])]
-        return own, [name for name in able if name not in own]
+    def asked(self, place: str) -> list[tuple[bool, str]]:
+        """Tests for a statement, and whether they are asked later, as they do not execute it themselves."""
+        contexts = self.executed.get(place, set())
+        own = {name for name, (_, fixtures) in self.tests.items() if contexts.intersection([name, *fixtures])}
+        return [(name not in own, name) for name in self.tests] if contexts else []
+
+    def seconds(self, name: str) -> float:
+        """Of a test with its shared fixtures."""
+        alone, fixtures = self.tests[name]
+        return alone + sum(self.fixtures[fixture] for fixture in fixtures)
 
 
 def main(options: Options) -> None:
-    """Samples, tests and reports.
-
-    Raises:
-        SystemExit: The time given is over before all mutants are tested.
-    """
+    """Samples, tests and reports."""
     options.out.mkdir(parents=True, exist_ok=True)
-    until = time.monotonic() + 60 * options.minutes
-    copies = _copies(options)
-    print("sampling", flush=True)
-    mutants = sample(options)
-    tests = _measured_tests(options, mutants, copies, until)
-    outcomes = _outcomes(options, mutants, tests, copies, until)
+    copies, mutants = _copies(options), sample(options)
+    tests = _measured_tests(options, mutants, copies)
+    outcomes = _outcomes(options, mutants, tests, copies)
     table = report(mutants, outcomes, options)
     (options.out / "mutants.md").write_text(table, encoding="utf-8", newline="\n")
     print(table)
-    if len(outcomes) < len(mutants):
-        sys.exit(f"{len(mutants) - len(outcomes)} mutants left; run the same command again")
 
 
 def sample(options: Options) -> list[Mutant]:
@@ -296,15 +279,11 @@ def _left_out(text: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
     return [(place(node.lineno, node.col_offset), place(node.end_lineno, node.end_col_offset)) for node in nodes]
 
 
-def _mutated(text: str, operator: str, occurrence: int) -> str:
-    return str(mutate_code(text, _operators()[operator], occurrence))
-
-
 def _mutant(path: Path, change: tuple[str, int, int]) -> Mutant | None:
     """The mutant of a change, or None where it is no program, or the same one."""
     operator, occurrence, line = change
     text = path.read_text(encoding="utf-8")
-    mutated = _mutated(text, operator, occurrence)
+    mutated = str(mutate_code(text, _operators()[operator], occurrence))
     try:
         if ast.dump(ast.parse(mutated)) == ast.dump(ast.parse(text)):
             return None
@@ -312,41 +291,23 @@ def _mutant(path: Path, change: tuple[str, int, int]) -> Mutant | None:
         return None
     lines = list(difflib.unified_diff(text.splitlines(), mutated.splitlines(), n=0, lineterm=""))[3:]
     before, after = (" ".join(row[1:].strip() for row in lines if row[0] == sign) for sign in "-+")
-    return Mutant(str(path.relative_to(ROOT)), line, operator, occurrence, before, after)
+    return Mutant(str(path.relative_to(ROOT)), line, before, after, mutated)
 
 
 def _copies(options: Options) -> Copies:
-    """A copy of the tree for each worker, with the core it keeps to.
-
-    The bytecode there is checked by the text of a file: a fault often keeps a file's size and second.
-    """
+    """A copy of the tree for each worker, with the core it keeps to."""
     folder = options.out / "trees"
     shutil.rmtree(folder, ignore_errors=True)
-    first = folder / "0"
-    for name in ("warp_trunk", "kernels", "tests", "scripts", "docs"):
-        shutil.copytree(ROOT / name, first / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for path in ROOT.iterdir():
-        if path.is_file():
-            shutil.copy2(path, first)
-    (first / "warp_trunk" / "kernels").symlink_to("../kernels")  # as the installed package has it
-    command = [
-        sys.executable,
-        "-m",
-        "compileall",
-        "-q",
-        "--invalidation-mode",
-        "checked-hash",
-        "warp_trunk",
-        "kernels",
-    ]
-    subprocess.run(command, cwd=first, check=True)
     usable = sorted(os.sched_getaffinity(0)) if sys.platform == "linux" else range(os.cpu_count() or 1)
-    cores = itertools.cycle(usable)
     copies: Copies = queue.Queue()
-    for number, core in zip(range(options.jobs), cores, strict=False):
-        if number:
-            shutil.copytree(first, folder / str(number), symlinks=True)
-        copies.put(((folder / str(number)).absolute(), core))
+    for number, core in zip(range(options.jobs), itertools.cycle(usable), strict=False):
+        tree = (folder / str(number)).absolute()
+        for name in ("warp_trunk", "kernels", "tests", "scripts", "docs"):
+            shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
+        for path in filter(Path.is_file, ROOT.iterdir()):
+            shutil.copy2(path, tree)
+        (tree / "warp_trunk" / "kernels").symlink_to("../kernels")  # as the installed package has it
+        copies.put((tree, core))
     return copies
 
 
@@ -390,36 +351,20 @@ def _run(command: Sequence[str], copy: tuple[Path, int], limit: float, **environ
     return Ended(status, log.read_text(encoding="utf-8", errors="replace"), time.monotonic() - started)
 
 
-def _measured_tests(options: Options, mutants: list[Mutant], copies: Copies, until: float) -> list[Tested]:
-    """Runs each test file once under coverage, the large ones first; what an earlier run measured is kept."""
-    tree = hashlib.sha256("".join(mutant.name for mutant in mutants).encode())
-    for folder in ("warp_trunk", "kernels", "tests"):
-        for path in sorted(ROOT.glob(f"{folder}/**/*.py")):
-            tree.update(path.read_bytes())
-    cache = options.out / f"tests-{tree.hexdigest()[:12]}.jsonl"
-    tests = {test.path: test for test in (Tested(**row) for row in _rows(cache))}
+def _measured_tests(options: Options, mutants: list[Mutant], copies: Copies) -> list[Tested]:
+    """Runs each test file once under coverage, the large ones first."""
     files = sorted(ROOT.glob("tests/**/test_*.py"), key=lambda path: -path.stat().st_size)
-    names = [str(path.relative_to(ROOT)) for path in files]
-    names = [name for name in names if not name.startswith(options.without)]
-    places = {mutant.place: mutant.statement for mutant in mutants}
-    lock = threading.Lock()
+    places = {mutant.place: (mutant.path, mutant.executed_lines()) for mutant in mutants}
 
-    def measure(name: str) -> None:
-        if time.monotonic() > until:
-            return
+    def measure(path: Path) -> Tested:
         copy = copies.get()
         try:
-            test = _measured(name, places, copy)
+            return _measured(str(path.relative_to(ROOT)), places, copy)
         finally:
             copies.put(copy)
-        with lock:
-            tests[name] = test
-            _append(cache, asdict(test))
-            print(f"{len(tests)}/{len(names)} {name}: {test.seconds:.0f} s, {len(test.failed)} failed", flush=True)
 
     with ThreadPoolExecutor(options.jobs) as pool:
-        list(pool.map(measure, [name for name in names if name not in tests]))
-    return [tests[name] for name in names if name in tests]
+        return list(pool.map(measure, files))
 
 
 def _measured(name: str, places: dict[str, tuple[str, set[int]]], copy: tuple[Path, int]) -> Tested:
@@ -430,23 +375,20 @@ def _measured(name: str, places: dict[str, tuple[str, set[int]]], copy: tuple[Pa
     ended = _run(
         [*under, "-p", "mutant_contexts"], copy, limit=300, COVERAGE_CORE="ctrace", MUTANT_SECONDS=str(seconds)
     )
+    print(f"{name}: {ended.seconds:.0f} s, {len(_failed(ended.output))} failed", flush=True)
     if ended.status not in {0, 1, 5} or not seconds.exists():  # passed, some failed, none selected
-        print(f"{name} did not end:\n{ended.output[-2000:]}", flush=True)
-        return Tested(name, ended.seconds, [])
+        print(f"it did not end:\n{ended.output[-2000:]}", flush=True)
+        return Tested(name)
     collected = coverage.Coverage(data_file=f"{data}.data", config_file=str(copy[0] / "pyproject.toml"))
     collected.combine([str(path) for path in data.parent.glob(f"{data.name}.data*")])
-    lines = collected.get_data()
-    contexts = {
-        str(Path(path).relative_to(copy[0])): lines.contexts_by_lineno(path)
-        for path in lines.measured_files()
-        if Path(path).is_relative_to(copy[0])
-    }
-    executed = {
-        place: sorted({context for line in statement for context in contexts.get(path, {}).get(line, ())})
-        for place, (path, statement) in places.items()
-    }
-    executed = {place: by for place, by in executed.items() if by}
-    return Tested(name, round(ended.seconds, 1), _failed(ended.output), executed=executed, **_rows(seconds)[0])
+    lines, executed = collected.get_data(), {}
+    for place, (path, statement) in places.items():
+        contexts = lines.contexts_by_lineno(str(copy[0] / path))
+        if by := {context for line in statement for context in contexts.get(line, ())}:
+            executed[place] = by
+    measured = json.loads(seconds.read_text(encoding="utf-8"))
+    able = {test: own for test, own in measured["tests"].items() if test not in _failed(ended.output)}
+    return Tested(name, able, measured["fixtures"], executed)
 
 
 def _failed(output: str) -> list[str]:
@@ -454,27 +396,28 @@ def _failed(output: str) -> list[str]:
 
 
 def _outcomes(
-    options: Options, mutants: list[Mutant], tests: list[Tested], copies: Copies, until: float
+    options: Options, mutants: list[Mutant], tests: list[Tested], copies: Copies
 ) -> dict[str, dict[str, Any]]:
     """Tests each mutant whose outcome is not written yet."""
-    written = options.out / "outcomes.jsonl"
-    outcomes = {row["mutant"]: row for row in _rows(written)}
-    names = {mutant.name for mutant in mutants}
-    outcomes = {name: row for name, row in outcomes.items() if name in names}
-    lock = threading.Lock()
+    written, lock = options.out / "outcomes.jsonl", threading.Lock()
+    lines = written.read_text(encoding="utf-8").splitlines() if written.exists() else []
+    outcomes = {row["mutant"]: row for row in (json.loads(line) for line in lines if line.endswith("}"))}
 
     def judge(mutant: Mutant) -> None:
         copy = copies.get()
         try:
-            outcome = _judged(mutant, tests, copy, options.budget, until)
+            outcome = {
+                "mutant": mutant.name,
+                "place": mutant.place,
+                **_judged(mutant, tests, copy, options.budget),
+            }
         finally:
-            (copy[0] / mutant.path).write_bytes((ROOT / mutant.path).read_bytes())
+            _write(copy[0] / mutant.path, (ROOT / mutant.path).read_text(encoding="utf-8"))
             copies.put(copy)
-        if outcome:
-            with lock:
-                outcomes[mutant.name] = {"mutant": mutant.name, "place": mutant.place, **outcome}
-                _append(written, outcomes[mutant.name])
-                print(f"{len(outcomes)}/{len(mutants)} {outcome['outcome']} {mutant.name[:150]}", flush=True)
+        with lock, written.open("a", encoding="utf-8", newline="\n") as file:
+            outcomes[mutant.name] = outcome
+            file.write(json.dumps(outcome) + "\n")
+            print(f"{len(outcomes)}/{len(mutants)} {outcome['outcome']} {mutant.name[:150]}", flush=True)
 
     left = [mutant for mutant in mutants if mutant.name not in outcomes]
     random.Random(options.seed).shuffle(left)  # so that a part of them says something of each package
@@ -483,21 +426,26 @@ def _outcomes(
     return outcomes
 
 
-def _judged(
-    mutant: Mutant, tests: list[Tested], copy: tuple[Path, int], budget: float, until: float
-) -> dict[str, Any] | None:
-    """The outcome of a mutant, or None when the time was over first."""
-    if time.monotonic() > until:
-        return None
+def _write(path: Path, text: str) -> None:
+    """Writes a file under a time of its own, as bytecode is kept by size and second, which a fault often keeps."""
+    path.write_text(text, encoding="utf-8", newline="\n")
+    os.utime(path, (next(_TIMES),) * 2)
+
+
+_TIMES = itertools.count(1_000_000_000)
+
+
+def _judged(mutant: Mutant, tests: list[Tested], copy: tuple[Path, int], budget: float) -> dict[str, Any]:
+    """The outcome of a mutant."""
     folder = f"tests/{Path(mutant.path).parts[1]}/"
-    asked: list[tuple[bool, bool, float, str, Tested]] = []
-    for test in tests:
-        for later, names in enumerate(test.asked(mutant.place)):
-            for name in names:
-                alone, fixtures = test.tests[name]
-                seconds = alone + sum(test.fixtures[fixture] for fixture in fixtures)
-                asked.append((bool(later), not test.path.startswith(folder), seconds, name, test))
-    asked.sort(key=lambda each: each[:4])
+    asked = sorted(
+        (
+            (later, not test.path.startswith(folder), test.seconds(name), name, test)
+            for test in tests
+            for later, name in test.asked(mutant.place)
+        ),
+        key=lambda each: each[:4],
+    )
     within, left_out, total, ready = [], [], 0.0, set[tuple[str, str]]()
     for later, _, _, name, test in asked:
         alone, fixtures = test.tests[name]
@@ -508,22 +456,16 @@ def _judged(
             total, ready = total + seconds, ready | new
         elif not later:
             left_out.append(name)
-    started = time.monotonic()
     outcome, by = "survived", "" if asked else "no test executes it"
     if within:
-        (copy[0] / mutant.path).write_text(mutant.text(ROOT), encoding="utf-8", newline="\n")
+        _write(copy[0] / mutant.path, mutant.text)
         chosen = copy[0].parent / f"chosen{copy[0].name}"  # more than a command line may hold
         chosen.write_text("\n".join(within), encoding="utf-8", newline="\n")
         ended = _run([*PYTEST, "-x", f"@{chosen}"], copy, 3 * total + 60)
         if ended.status not in {0, 5}:
             outcome = "killed"
             by = "hung" if ended.status is None else next(iter(_failed(ended.output)), "no import")
-    return {
-        "outcome": outcome,
-        "by": by,
-        "seconds": round(time.monotonic() - started, 1),
-        "left_out": left_out,
-    }
+    return {"outcome": outcome, "by": by, "left_out": left_out}
 
 
 @cache
@@ -538,17 +480,8 @@ def _spans(text: str) -> tuple[tuple[int, int], ...]:
     return tuple(spans)
 
 
-def _statement(text: str, line: int) -> set[int]:
-    """The lines of the innermost statement on a line."""
-    around = ((low, high) for low, high in _spans(text) if low <= line <= high)
-    low, high = min(around, key=lambda span: span[1] - span[0], default=(line, line))
-    return set(range(low, high + 1))
-
-
 def report(mutants: list[Mutant], outcomes: dict[str, dict[str, Any]], options: Options) -> str:
-    """The rates by package and the survivors, with the words written behind them before."""
-    earlier = _text(options.out / "mutants.md")
-    words = dict(re.findall(r"^- \S+?:\d+ .*?(`.*`): (.+)$", earlier, flags=re.MULTILINE))
+    """The rates by package and the survivors."""
     rows = [f"Mutants of seed {options.seed}, {options.each} of each package.", ""]
     rows += ["| package | tested | killed | undecided | rate of those decided |", "|---|---|---|---|---|"]
     groups: defaultdict[str, list[dict[str, Any]]] = defaultdict(list)
@@ -564,23 +497,9 @@ def report(mutants: list[Mutant], outcomes: dict[str, dict[str, Any]], options: 
     for mutant in mutants:
         outcome = outcomes.get(mutant.name)
         if outcome and outcome["outcome"] == "survived":
-            change = f"`{mutant.before}` -> `{mutant.after}`"
             unexecuted = "not executed, " if outcome["by"] else "undecided, " if outcome["left_out"] else ""
-            rows.append(f"- {mutant.path}:{mutant.line} {unexecuted}{change}: {words.get(change, '')}".rstrip())
+            rows.append(f"- {mutant.place} {unexecuted}`{mutant.before}` -> `{mutant.after}`:")
     return "\n".join(rows) + "\n"
-
-
-def _rows(path: Path) -> list[dict[str, Any]]:
-    return [json.loads(line) for line in _text(path).splitlines() if line.endswith("}")]
-
-
-def _append(path: Path, row: dict[str, Any]) -> None:
-    with path.open("a", encoding="utf-8", newline="\n") as file:
-        file.write(json.dumps(row) + "\n")
-
-
-def _text(path: Path) -> str:
-    return path.read_text(encoding="utf-8") if path.exists() else ""
 
 
 if __name__ == "__main__":
