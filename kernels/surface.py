@@ -1,4 +1,4 @@
-"""Queries on triangle surfaces: distance, nearest point, depth along rays, crossings and edge collapses."""
+"""Queries on triangle surfaces: distance, nearest point, crossings and edge collapses."""
 
 from __future__ import annotations
 
@@ -46,34 +46,6 @@ def nearest_on_mesh(
     else:
         face[i] = -1
         weights[i] = wp.vec3(0.0)
-
-
-@wp.kernel(enable_backward=False)
-def first_hit(
-    first: int,
-    mesh: wp.uint64,
-    corner: wp.vec3,
-    right: wp.vec3,
-    down: wp.vec3,
-    forward: wp.vec3,
-    reach: float,
-    face: wp.array2d[wp.int32],
-    weights: wp.array2d[wp.vec3],
-):
-    """For each pixel, row after row, the face its ray meets first, -1 for none, and its corners' weights there.
-
-    The ray of the pixel in row i and column j starts at corner + i down + j right and goes `reach` along the
-    unit vector `forward`.
-    """
-    pixel = first + wp.tid()
-    i = pixel // face.shape[1]
-    j = pixel - i * face.shape[1]
-    start = corner + wp.float32(i) * down + wp.float32(j) * right
-    hit = wp.mesh_query_ray(mesh, start, forward, reach)
-    face[i, j] = -1
-    if hit.result:
-        face[i, j] = hit.face
-        weights[i, j] = wp.vec3(hit.u, hit.v, 1.0 - hit.u - hit.v)
 
 
 @wp.func

@@ -2,6 +2,8 @@
 
 import json
 import re
+import subprocess
+import sys
 from base64 import b64encode
 from dataclasses import replace
 from hashlib import sha256
@@ -147,6 +149,14 @@ def test_command_writes_the_same_bytes_elsewhere_and_says_where(plain, tmp_path,
     for name in PICTURES:
         again = page.parent / "report" / f"{name}.png"
         assert again.read_bytes() == (plain[0] / "report" / f"{name}.png").read_bytes()
+
+
+def test_a_report_draws_without_loading_warp_or_the_viewer(plain, tmp_path):
+    """That costs as much as all pictures of the spine; nor can a report wait for kernels that are compiled."""
+    command = f"from warp_trunk.cli import main; main(['report', {str(plain[0])!r}, '--out', {str(tmp_path)!r}])"
+    code = f"{command}; import sys; sys.exit(bool({{'warp', 'rerun'}} & {{*sys.modules}}))"
+    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+    assert (tmp_path / "report.html").is_file()
 
 
 def test_front_is_bare_only_where_that_is_asked_for(plain, tmp_path):

@@ -9,7 +9,6 @@ import numpy as np
 
 from warp_trunk.checking import checked
 from warp_trunk.errors import InputError, MissingFileError, closest_name
-from warp_trunk.geometry.coarsening import without_slivers
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import LEAST_ANGLE, place_of, slivers
 from warp_trunk.io.atomic_write import partial, write_whole
@@ -89,6 +88,8 @@ def read_checked_case(
     if after is not None:
         check_names(before, after, source)
         after = Landmarks(before.names, after.points[[after.index(name) for name in before.names]])
+    from warp_trunk.geometry.coarsening import without_slivers  # brings Warp
+
     skin, actual = files.skin(), surface_files(files.folder, "actual_skin").get("actual_skin")
     scanned = files.surface("skin", skin)
     unseen = read_invented_skin(files.folder, len(scanned.vertices))

@@ -15,7 +15,6 @@ from warp_trunk.io.result_files import TRUNK
 from warp_trunk.io.surface_files.morph import skin_glb
 from warp_trunk.io.trunk_file import read_trunk
 from warp_trunk.io.volume_writer import ENDINGS, write_volume
-from warp_trunk.recording import view_result
 from warp_trunk.results import read_result, read_summary
 from warp_trunk.run.progress import Progress
 
@@ -33,6 +32,8 @@ class View:
 
     def run(self) -> int:
         """Starts the viewer, which other machines cannot reach, and waits for its end."""
+        from warp_trunk.recording import view_result  # no other command of this file needs it
+
         return view_result(self.result, web=self.web)
 
 

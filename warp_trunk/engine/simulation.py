@@ -19,13 +19,9 @@ from .descent import ProjectedGradient
 from .model import Model
 from .newton import Relaxer
 from .parallel import nothing, takes_turns
-from .relaxation import Relaxation, RelaxOptions, RelaxStatus, RelaxStep
+from .relaxation import ON_THE_WAY, Relaxation, RelaxOptions, RelaxStatus, RelaxStep
 from .state import State, to_mesh_order
 from .tissue import Limits
-
-ON_THE_WAY = 20.0
-"""Tolerances to which increments on the way are relaxed, by an estimate that is pessimistic: at the default of
-0.1 mm no node was farther than 0.9 mm from its equilibrium then, and none of the skin 0.05 mm."""
 
 
 class PrescribedPath(Protocol):

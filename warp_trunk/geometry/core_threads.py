@@ -8,7 +8,6 @@ from itertools import pairwise
 from typing import Any, TypeVar
 
 import numpy as np
-import warp as wp
 
 from warp_trunk.system import usable_cores
 
@@ -25,6 +24,7 @@ def launch_over_cores(
 
     Warp lets go of the interpreter while a kernel runs on the CPU, where it has one thread for a launch.
     """
+    import warp as wp
 
     def launch_part(part: tuple[int, int]) -> None:
         wp.launch(kernel, dim=part[1] - part[0], inputs=[part[0], *inputs], outputs=outputs, device=device)

@@ -5,20 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
-import warp as wp
-
-from warp_trunk.kernels.starting import start_warp
-from warp_trunk.kernels.surface import nearest_on_mesh, signed_distance
 
 from .core_threads import each_over_cores, launch_over_cores
 from .surface import Surface
 
+if TYPE_CHECKING:
+    import warp as wp
+
 Box = tuple[slice, ...]
 """The nodes of a block of a grid."""
-_NEAREST: tuple[Any, ...] = (wp.float32, wp.int32, wp.vec3)
 _PATCH = 12.0
 """Edge of the cells in each of which one point of a group is measured first [mm]; that of bones is best from 10 to
 20."""
@@ -98,10 +96,15 @@ class SurfaceDistance:
 
     def nearest(self, points: np.ndarray, reach: float | None = None) -> Nearest:
         """Where the surface is nearest to points (n, 3), if within reach [mm]."""
+        import warp as wp  # heavy
+
+        from warp_trunk.kernels.surface import signed_distance
+
         if reach is None:
             off = np.abs(points - self._tree.middle).max(initial=0.0)
             reach = 2.0 * (self._size + float(off)) + 1.0
-        distance, face, nearest = (wp.empty(len(points), dtype=kind, device="cpu") for kind in _NEAREST)
+        kinds = cast("Any", (wp.float32, wp.int32, wp.vec3))  # warp's stubs know scalar types only
+        distance, face, nearest = (wp.empty(len(points), dtype=kind, device="cpu") for kind in kinds)
         inputs = [self._tree.mesh.id, self._tree.local(points), reach]
         launch_over_cores(signed_distance, len(points), inputs, [distance, face, nearest])
         return Nearest(distance.numpy(), face.numpy(), nearest.numpy() + self._tree.middle)
@@ -190,6 +193,7 @@ def zero_surface(field: np.ndarray, grid: Grid) -> Surface:
         field: signed like a distance and of its size near zero [mm], shape of the grid; positive on its border.
         grid: the nodes.
     """
+    import warp as wp  # heavy
     import warp.geometry as geometry  # its kernels compile on first use
 
     nudge = _NUDGE * grid.spacing
@@ -226,11 +230,17 @@ class SearchTree(NamedTuple):
 
     def local(self, points: np.ndarray) -> wp.array:
         """Points (n, 3) [mm] as the tree has them, float32."""
+        import warp as wp
+
         return wp.array(points - self.middle, dtype=wp.vec3, device="cpu")
 
 
 def search_tree(surface: Surface, *, winding_number: bool = False) -> SearchTree:
     """Build the tree of a surface; with `winding_number` it can distinguish inside from outside."""
+    import warp as wp  # heavy
+
+    from warp_trunk.kernels.starting import start_warp
+
     start_warp()
     middle = 0.5 * (surface.vertices.min(axis=0) + surface.vertices.max(axis=0))
     mesh = wp.Mesh(
@@ -241,13 +251,14 @@ def search_tree(surface: Surface, *, winding_number: bool = False) -> SearchTree
     return SearchTree(mesh, middle)
 
 
-_FACE_AND_WEIGHTS: tuple[Any, ...] = (wp.int32, wp.vec3)
-
-
 def nearest(surface: Surface, points: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
     """The nearest triangle to each point, -1 if none is within reach [mm], and its corners' weights (n, 3)."""
-    tree = search_tree(surface)
-    face, weights = (wp.empty(len(points), dtype=kind, device="cpu") for kind in _FACE_AND_WEIGHTS)
+    import warp as wp  # heavy
+
+    from warp_trunk.kernels.surface import nearest_on_mesh
+
+    tree, kinds = search_tree(surface), cast("Any", (wp.int32, wp.vec3))
+    face, weights = (wp.empty(len(points), dtype=kind, device="cpu") for kind in kinds)
     inputs = [tree.mesh.id, tree.local(points), reach]
     wp.launch(nearest_on_mesh, dim=len(points), inputs=inputs, outputs=[face, weights], device="cpu")
     return face.numpy(), weights.numpy().astype(np.float64)

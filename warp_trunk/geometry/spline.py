@@ -5,19 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
-import warp as wp
 
 from warp_trunk.errors import InputError
-from warp_trunk.kernels.spline import spline_displacement, spline_gradient
-from warp_trunk.kernels.starting import ENGINE, start_warp
 
 from .core_threads import launch_over_cores
 
-_VECTOR: Any = wp.vec3d  # Any: warp's stubs know scalar types only
-_MATRIX: Any = wp.mat33d
+if TYPE_CHECKING:
+    import warp as wp
+
 MOST_NUGGET = 1e12
 """More smooths all landmarks into one affine map, to rounding [mm]."""
 _COINCIDENT = 1e-6
@@ -55,10 +53,15 @@ class Spline:
 
     def displacement(self, points: np.ndarray, device: str = "cpu") -> np.ndarray:
         """How far each point moves, shape (m, 3) [mm] -> (m, 3) [mm], float64; computed on a Warp device."""
+        import warp as wp  # heavy
+
+        from warp_trunk.kernels.spline import spline_displacement
+        from warp_trunk.kernels.starting import ENGINE, start_warp
+
         start_warp()
         with nullcontext() if device == "cpu" else ENGINE:  # Warp would capture it with what a model captures
-            out = wp.empty(len(points), dtype=_VECTOR, device=device)
-            inputs = [*self._arrays(points, device), _VECTOR(*self.constant), _MATRIX(*self.linear.ravel())]
+            out = wp.empty(len(points), dtype=cast("Any", wp.vec3d), device=device)  # warp's stubs lack it
+            inputs = [*self._arrays(points, device), wp.vec3d(*self.constant), wp.mat33d(*self.linear.ravel())]
             launch_over_cores(spline_displacement, len(points), inputs, [out], device)
             return out.numpy().copy()
 
@@ -68,16 +71,23 @@ class Spline:
 
     def jacobian(self, points: np.ndarray) -> np.ndarray:
         """Gradient of the map at points, shape (m, 3) [mm] -> (m, 3, 3); a determinant <= 0 is a fold."""
+        import warp as wp  # heavy
+
+        from warp_trunk.kernels.spline import spline_gradient
+        from warp_trunk.kernels.starting import start_warp
+
         start_warp()
-        out = wp.empty(len(points), dtype=_MATRIX, device="cpu")
-        inputs = [*self._arrays(points, "cpu"), _MATRIX(*self.linear.ravel())]
+        out = wp.empty(len(points), dtype=cast("Any", wp.mat33d), device="cpu")
+        inputs = [*self._arrays(points, "cpu"), wp.mat33d(*self.linear.ravel())]
         wp.launch(spline_gradient, dim=len(points), inputs=inputs, outputs=[out], device="cpu")
         return out.numpy() + np.eye(3)
 
     def _arrays(self, points: np.ndarray, device: str) -> list[wp.array]:
+        import warp as wp
+
         shifted = np.asarray(points, dtype=np.float64) - self.origin
         host = (shifted, self.centres, self.weights)
-        return [wp.array(np.ascontiguousarray(a), dtype=_VECTOR, device=device) for a in host]
+        return [wp.array(np.ascontiguousarray(a), dtype=wp.vec3d, device=device) for a in host]
 
 
 def fit_spline(

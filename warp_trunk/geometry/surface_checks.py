@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import warp as wp
 
 from warp_trunk.errors import InputError
-from warp_trunk.kernels.surface import crossing_faces
 
 from .core_threads import launch_over_cores
 from .distance_field import search_tree
@@ -35,7 +31,6 @@ def linked_parts(first: np.ndarray, second: np.ndarray, count: int) -> np.ndarra
     return np.argsort(np.argsort(start))[part].astype(np.int32)
 
 
-_INT: Any = wp.int32
 LEAST_ANGLE = 1.0
 """Triangles of a skin with a smaller angle are slivers [degrees]; no relaxation converges on thin tetrahedra."""
 _SLACK = 1e-6
@@ -58,9 +53,13 @@ def crossings(surface: Surface) -> np.ndarray:
     At most one pair for each first face; none if the surface does not cross itself. Faces that lie on each
     other in one plane are not found.
     """
+    import warp as wp  # heavy
+
+    from warp_trunk.kernels.surface import crossing_faces
+
     mesh, middle = search_tree(surface)
     exact = wp.array(surface.vertices - middle, dtype=wp.vec3d, device="cpu")
-    crossed: Any = wp.empty(len(surface.faces), dtype=_INT, device="cpu")
+    crossed = wp.array(np.empty(len(surface.faces), dtype=np.int32), device="cpu")
     launch_over_cores(crossing_faces, len(surface.faces), [mesh.id, exact, mesh.indices, _SLACK], [crossed])
     other = crossed.numpy()
     first = np.flatnonzero(other >= 0)

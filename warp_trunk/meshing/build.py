@@ -7,7 +7,7 @@ import time
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from msgspec import Meta
@@ -19,9 +19,11 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface, check_surface
 from warp_trunk.geometry.surface_checks import check_solid, crossings, enclosed_volume
 
-from .bone_surface import BoneSurface, bone_surface
 from .cache import cache_key, load_cached, store_cached
-from .tetrahedra import Tetrahedra, check_number, improve_quality, tetrahedralize, usual_number
+
+if TYPE_CHECKING:
+    from .bone_surface import BoneSurface
+    from .tetrahedra import Tetrahedra
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,6 +96,8 @@ def make_trunk(
     key = cache_key(skin, bones, repr(sorted(asdict(options).items())))
     if cache and (cached := load_cached(key)) is not None:
         return TrunkBuild(cached, True, 0.0, time.perf_counter() - start)
+    from .bone_surface import bone_surface  # bring Warp
+    from .tetrahedra import check_number, tetrahedralize, usual_number
 
     check_number(options.tets, len(skin.faces))
     tell("checking the skin")
@@ -126,6 +130,8 @@ def make_trunk(
 def _mended(filled: Tetrahedra, skin_count: int, bones: Surface, bone_reach: float) -> np.ndarray:
     """Nodes after the repair of flat tetrahedra; those of the skin stay, those of bone move by bone_reach at
     most."""
+    from .tetrahedra import improve_quality  # brings Warp
+
     reach = np.full(len(filled.nodes), np.inf)
     reach[:skin_count] = 0.0
     on_bone = slice(skin_count, skin_count + len(bones.vertices))

@@ -13,7 +13,7 @@ import numpy as np
 
 from warp_trunk.bone_motion.plan import Plan, fixed_numbers, plan_words, planned_curves
 from warp_trunk.case.anatomy import VERTEBRAE, rank
-from warp_trunk.engine.simulation import ON_THE_WAY
+from warp_trunk.engine.relaxation import ON_THE_WAY
 from warp_trunk.geometry.surface import Surface, corner_areas
 from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.measures import SkinComparison

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.engine.simulation import ON_THE_WAY
+from warp_trunk.engine.relaxation import ON_THE_WAY
 from warp_trunk.measures.levels import JUDGED
 from warp_trunk.measures.measures import seen_points
 from warp_trunk.measures.number_text import sided

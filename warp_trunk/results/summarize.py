@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warp_trunk.bone_motion.plan.planner import lenke_of
-from warp_trunk.engine.energies.itmsm import Itmsm
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.surface import Surface
@@ -162,6 +161,8 @@ def measured_states(case: Case, skin: Surface) -> dict[str, TrunkMeasures]:
 
 def _springs(model: Model, energy: Energy) -> SpringSummary | None:
     """Constants and terms of eq. 4.6, where the energy is itmsm; the engine's terms hold their factors."""
+    from warp_trunk.engine.energies.itmsm import Itmsm  # brings Warp
+
     if not isinstance(model.elements, Itmsm):
         return None
     constants, terms = model.elements.constants, energy.terms

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.geometry.section import crossed
 from warp_trunk.geometry.surface import Surface, area_vectors, unit, vertex_normals
 from warp_trunk.spine.spine import asis_axis
 
@@ -141,38 +141,62 @@ def relief(
     Raises:
         InputError: as `asis_axis`.
     """
-    parts, count = [skin, *(cloth or ())], len(skin.vertices)
+    parts = [skin, *(cloth or ())]
     starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
     faces = np.concatenate([part.faces + start for part, start in zip(parts, starts, strict=False)])
     vertices = seen_from(np.concatenate([part.vertices for part in parts]), landmarks, view)
-    face, weights = _first_hits(vertices, faces.astype(np.int32), seen)
-    weights[face < 0] = np.nan
-    corners = faces[face]
-    depth = np.einsum("ijk,ijk->ij", weights, vertices[:, 1][corners])
-    normal = unit(np.einsum("ijk,ijkl->ijl", weights, vertex_normals(Surface(vertices, faces))[corners]))
-    material = np.searchsorted(starts[1:-1], corners[:, :, 0], side="right")
-    weights[material > 0] = np.nan
-    corners = np.where(corners < count, corners, 0)
-    spine = seen_from(landmarks.middles(), landmarks, view)[:, [0, 2]]
-    return Relief(depth, normal, spine, corners, weights, material)
+    pixel, corners, weights = _drawn(vertices, faces, seen)
+    normals = vertex_normals(Surface(vertices, faces))
+    material = np.searchsorted(starts[1:-1], corners[:, 0], side="right")
+    bare = material == 0
+
+    def image(values: np.ndarray, beside: float) -> np.ndarray:
+        whole = np.full((len(seen.z) * len(seen.x), *values.shape[1:]), beside, values.dtype)
+        whole[pixel] = values
+        return whole.reshape(len(seen.z), len(seen.x), *values.shape[1:])
+
+    return Relief(
+        image(np.einsum("ij,ij->i", weights, vertices[:, 1][corners]), np.nan),
+        image(unit(np.einsum("ij,ijk->ik", weights, normals[corners])), np.nan),
+        seen_from(landmarks.middles(), landmarks, view)[:, [0, 2]],
+        image(np.where(bare[:, None], corners, 0), 0),
+        image(np.where(bare[:, None], weights, np.nan), np.nan),
+        image(material, 0),
+    )
 
 
-def _first_hits(vertices: np.ndarray, faces: np.ndarray, seen: Window) -> tuple[np.ndarray, np.ndarray]:
-    """The face seen in each pixel, -1 for none, and the weights of its corners (rows, columns, 3)."""
-    import warp as wp
+def _drawn(vertices: np.ndarray, faces: np.ndarray, seen: Window) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The nearest triangle in each pixel that shows one.
 
-    from warp_trunk.geometry.core_threads import launch_over_cores
-    from warp_trunk.geometry.distance_field import search_tree
-    from warp_trunk.kernels.surface import first_hit
+    Each triangle that faces the viewer is drawn row by row, from its side between the uppermost and the lowest
+    corner to the other two sides, and of several in a pixel the nearest stays.
 
-    near, far = vertices[:, 1].max() + 1.0, vertices[:, 1].min() - 1.0
-    towards = np.flatnonzero(area_vectors(vertices, faces)[:, 1] > 0.0)  # a ray enters by these alone
-    mesh, middle = search_tree(Surface(vertices, faces[towards]))
-    shape = (len(seen.z), len(seen.x))
-    face: Any = wp.zeros(shape, dtype=wp.int32, device="cpu")
-    weights = wp.zeros(shape, dtype=wp.vec3, device="cpu")
-    right, down, forward = wp.vec3(-seen.pixel, 0.0, 0.0), wp.vec3(0.0, 0.0, -seen.pixel), wp.vec3(0.0, -1.0, 0.0)
-    corner = wp.vec3(*(np.array([seen.x[0], near, seen.z[0]]) - middle))
-    inputs = [mesh.id, corner, right, down, forward, float(near - far)]
-    launch_over_cores(first_hit, face.size, inputs, [face, weights])
-    return np.append(towards, -1)[face.numpy()], weights.numpy().astype(np.float64)
+    Returns:
+        Numbers of the pixels, row after row, shape (k,), and the corners of their triangles with the weights of
+        these there, shape (k, 3) each.
+    """
+    rows, columns = len(seen.z), len(seen.x)
+    row, column = (seen.z[0] - vertices[:, 2]) / seen.pixel, (seen.x[0] - vertices[:, 0]) / seen.pixel
+    corners = faces[area_vectors(vertices, faces)[:, 1] > 0.0]
+    corners = np.take_along_axis(corners, np.argsort(row[corners], axis=1), axis=1)
+    triangle, line = crossed(np.clip(np.ceil(row), 0, rows).astype(np.int64), corners.T)
+    top, middle, low = corners[triangle].T
+    whole, upper, lower = (
+        (line - row[start]) / np.maximum(row[end] - row[start], 1e-300)
+        for start, end in ((top, low), (top, middle), (middle, low))
+    )
+    above, none = line < row[middle], np.zeros(len(line))
+    first = np.column_stack([1.0 - whole, none, whole])
+    last = np.where(above, [1.0 - upper, upper, none], [none, 1.0 - lower, lower]).T
+    start, end = (np.einsum("ij,ij->i", side, column[corners[triangle]]) for side in (first, last))
+    left, right = (np.clip(np.ceil(place(start, end)), 0, columns) for place in (np.minimum, np.maximum))
+    count = (right - left).astype(np.int64)
+    span = np.repeat(np.arange(len(line)), count)
+    place = np.arange(len(span)) - np.repeat(np.cumsum(count) - count - left.astype(np.int64), count)
+    part = (place - start[span]) / (end - start)[span]
+    weights = first[span] + part[:, None] * (last - first)[span]
+    corners, pixel = corners[triangle[span]], line[span] * columns + place
+    depth, nearest = np.einsum("ij,ij->i", weights, vertices[:, 1][corners]), np.full(rows * columns, -np.inf)
+    np.maximum.at(nearest, pixel, depth)
+    shown = depth == nearest[pixel]
+    return pixel[shown], corners[shown], weights[shown]
