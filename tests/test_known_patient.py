@@ -43,7 +43,7 @@ from warp_trunk.cohort.summary import errors
 from warp_trunk.io.surface_files import write_surface
 from warp_trunk.measures import measure
 from warp_trunk.measures.measures import measure_level
-from warp_trunk.measures.quantities import BETTER, EXACT, PREDICTED, WORSE, Measured
+from warp_trunk.measures.quantities import BETTER, EXACT, PREDICTED, QUANTITIES, WORSE, Measured
 from warp_trunk.results import read_result
 from warp_trunk.results.bands import Bands, BandSource, Effects, FoundBands
 from warp_trunk.results.summary_text import plain
@@ -154,6 +154,7 @@ def test_the_mirror_image_has_every_number_on_the_other_side(both: tuple[Shown, 
     for (quantity, level), value in own.items():
         size = None if value is None else 1e4 / value if quantity in RATIOS else value
         has_side = quantity not in SAME_ON_BOTH_SIDES | RATIOS and quantity not in twins
+        assert QUANTITIES[quantity].side == has_side, quantity
         wanted[twins.get(quantity, quantity), level] = -size if has_side and size is not None else size
     assert mirrored == pytest.approx(wanted, abs=2e-3)
 

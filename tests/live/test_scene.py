@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import trimesh
 
 from support.small_trunk import curved_case
@@ -18,7 +19,7 @@ from warp_trunk.live.page_scene import (
     outlines,
     relief_lines,
 )
-from warp_trunk.live.relaxation import InitialGuess
+from warp_trunk.live.relaxation import Images, InitialGuess
 from warp_trunk.recording.viewer import free_port
 
 
@@ -106,6 +107,19 @@ def test_a_known_plan_is_met_the_next_is_straight_on_and_beside_it_is_the_neares
     assert off < 0.15 * np.abs(field(9.0) - field(8.0)).max()
     side = BESIDE - WAY * np.vdot(BESIDE, WAY) / np.vdot(WAY, WAY)
     np.testing.assert_allclose(forecast.at(ZERO + 8.0 * WAY + 0.1 * side), field(8.0), atol=1e-9)
+
+
+def test_the_error_of_an_image_is_that_of_the_last_skin_and_grows_with_the_way() -> None:
+    case = curved_case()
+    images, marks = Images(case), case.landmarks_before
+    plans = [replace(marks, points=marks.points + np.array([way, 0.0, 0.0])) for way in (10.0, 15.0)]
+    assert images.of(plans[0])[1] is None  # nothing was relaxed
+    skin = images.of(plans[0])[0] + [0.0, 0.0, 2.0]  # 2 mm off after 10 mm
+    images.learn(plans[0], skin, 0.3)
+    np.testing.assert_allclose(images.of(plans[0])[0], skin, atol=1e-4)
+    assert [images.of(plan)[1] for plan in plans] == pytest.approx([0.3, 0.3 + 0.2 * 5.0], abs=1e-3)
+    images.learn(plans[0], skin, float("inf"))
+    assert images.of(plans[0])[1] == pytest.approx(0.3, abs=1e-3)
 
 
 def test_only_what_was_not_measured_is_hatched_on_the_page_skin_and_shirt() -> None:

@@ -1,5 +1,6 @@
 """From sliders to views: the latest state wins, an impossible one is reported, the end is that of a simulation."""
 
+import itertools
 import threading
 import time
 from collections.abc import Callable
@@ -8,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from support.asserting import not_none
 from support.meshes import block_with_bone, with_skin
 from support.small_case import part_case
 from support.small_trunk import APEX, small_case, small_patient
@@ -37,6 +39,7 @@ from warp_trunk.live.sliders import (
     with_handles,
 )
 from warp_trunk.measures import measure
+from warp_trunk.measures.quantities import Measured
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.run.intervals import find_bands
 from warp_trunk.run.options import Execution, RunOptions
@@ -260,6 +263,44 @@ def test_intervals_are_those_of_a_simulation(patient: PreparedPatient) -> None:
     for row in find_bands(alone).rows:
         if row.state == "predicted" and row.quantity in ("bsr_deg", "cobb_deg"):
             assert rows[row.state, row.quantity, row.level].sd == pytest.approx(row.sd, rel=0.05, abs=0.02)
+    assert session.faults == []
+
+
+def test_with_any_other_slider_the_plan_is_made_again_and_its_intervals_go(
+    patient: PreparedPatient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A control that is new is tried, too; relaxing is left out."""
+    skins = itertools.count(1.0)
+
+    def relaxed(tissue: LiveRelaxation, *_: object, **__: object) -> Relaxed:
+        skin = tissue._patient.case.skin.vertices + next(skins)
+        return Relaxed(skin, 0.01, RelaxStatus.CONVERGED, ())
+
+    rows = [Measured("predicted", "T8", "bsr_deg", 1.0)]
+    monkeypatch.setattr(LiveRelaxation, "relax", relaxed)
+    monkeypatch.setattr(LiveRelaxation, "prepare", lambda _: None)
+    monkeypatch.setattr(LiveRelaxation, "intervals", lambda _: rows)
+    monkeypatch.setattr(session_of_page, "REST", 0.0)
+    tried = 0
+    with Heard(patient) as session:
+        for control, setting in session.sliders.controls.items():
+            state = session.corrected(40)
+            first = session.settled(state)
+            session.ask_for_intervals()
+            session.until(lambda: not_none(session.view).intervals)
+            values = [*(setting.choices or range(int(setting.span[0]), int(setting.span[1]) + 1))]
+            other = values[values.index(state[control]) - 1] if state[control] != values[0] else values[1]
+            changed = {**state, control: other}
+            session.ask(changed)
+            session.until(
+                lambda to=changed: session.refusal or ((v := session.view) and v.state == to and v.settled)
+            )
+            view = not_none(session.view)
+            if not session.refusal:
+                tried += 1
+                assert (view.intervals, view.number) == ((), first.number + 1), control
+                assert (view.skin != first.skin).any(), control
+    assert tried >= 4
     assert session.faults == []
 
 

@@ -95,6 +95,9 @@ def test_the_section_and_the_bars_are_seen_whole(case: Case) -> None:
     before = measure(case.skin, case.landmarks_before)
     panes = views(layout(case, before, actual=False, unit="J"))
     assert {"Section at T8", "Rotation of the back", "Energy [J]", "Summary"} <= panes.keys()
+    origins = {"Rotation [°]": "/bsr", "Energy [J]": "/energy", "Error [log10 mm]": "/error", "Summary": "/table",
+               "Rotation by level": "/levels", "Report": "/summary"}  # fmt: skip
+    assert {name: str(panes[name].origin) for name in origins} == origins
     bounds = shown(panes["Section at T8"], "VisualBounds")
     (low, high), (top, bottom) = ranges(bounds)
     x, y = -case.skin.vertices[:, 0], case.skin.vertices[:, 1]  # left is on the left
