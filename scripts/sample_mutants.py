@@ -429,7 +429,8 @@ def _outcomes(
 def _write(path: Path, text: str) -> None:
     """Writes a file under a time of its own, as bytecode is kept by size and second, which a fault often keeps."""
     path.write_text(text, encoding="utf-8", newline="\n")
-    os.utime(path, (next(_TIMES),) * 2)
+    at = next(_TIMES)
+    os.utime(path, (at, at))
 
 
 _TIMES = itertools.count(1_000_000_000)

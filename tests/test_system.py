@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import math
 import os
 import signal
@@ -104,47 +103,3 @@ def test_a_program_apart_has_another_session(tmp_path: Path) -> None:
         assert system.start_apart(command, dict(os.environ), output).wait() == 0
         output.seek(0)
         assert int(output.read()) != os.getsid(0)
-
-
-SYSTEM_NAMES = {
-    "fcntl", "fork", "forkpty", "getpgid", "getppid", "getrusage", "killpg", "msvcrt", "pthread_kill", "pwd",
-    "resource", "sched_getaffinity", "sched_setaffinity", "setpgid", "setsid", "sysconf", "winreg", "SIGALRM",
-    "SIGKILL", "SIGTERM", "SIGHUP", "alarm", "setitimer", "geteuid", "getuid", "EX_IOERR", "start_new_session",
-    "preexec_fn", "creationflags", "CDLL", "WinDLL", "getlogin", "uname",
-}  # fmt: skip
-"""Modules, functions, signals and arguments that one system has and another lacks."""
-
-
-def named(tree: ast.AST) -> set[str]:
-    """The imports, attributes, keywords and names of a module, and the folders of the system in its texts."""
-    names: set[str] = set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            names |= {node.module or "", *(alias.name for alias in node.names)}
-        elif isinstance(node, ast.Attribute):
-            names |= {node.attr, f"{getattr(node.value, 'id', '')}.{node.attr}"}
-        elif isinstance(node, ast.keyword | ast.Name):
-            names.add((node.arg if isinstance(node, ast.keyword) else node.id) or "")
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-            names |= {folder for folder in ("/proc/", "/sys/", "/dev/") if node.value.startswith(folder)}
-    return names & (SYSTEM_NAMES | {"sys.platform", "os.name", "/proc/", "/sys/", "/dev/"})
-
-
-def test_one_file_knows_the_system() -> None:
-    """And the one that wakes threads."""
-    package = Path(system.__file__).parent
-    allowed = {package / "system.py", package / "engine" / "waking.py"}
-    files = [path for path in package.rglob("*.py") if path not in allowed]
-    files += Path(package.parent / "kernels").glob("*.py")
-    assert len(files) > 100
-    for path in files:
-        assert named(ast.parse(path.read_text(encoding="utf-8"))) == set(), path
-
-
-@pytest.mark.parametrize(
-    "code", ["import resource", "os.fork()", "sys.platform", "f(start_new_session=True)", "open('/proc/1/stat')"]
-)
-def test_a_name_of_one_system_is_found(code: str) -> None:
-    assert named(ast.parse(code))

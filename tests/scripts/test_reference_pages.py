@@ -20,12 +20,6 @@ def test_every_command_and_every_public_name_has_a_part() -> None:
     assert [name for name in warp_trunk.__all__ if f"\n### {name}\n" not in names] == []
 
 
-def test_fields_of_a_record_become_a_table() -> None:
-    page = reference_pages.filled("Above.\n\n<!-- fields of warp_trunk.measures.quantities.Measured -->\n\nBelow.")
-    assert page.startswith("Above.\n\n| entry | meaning | type |\n")
-    assert "\n| `level` |" in page
-
-
 def rows(page: str) -> dict[str, list[str]]:
     """Cells of the rows of a page as the site shows it, by the name in backticks in their first cell."""
     lines = reference_pages.filled((ROOT / "docs" / page).read_text(encoding="utf-8")).splitlines()
@@ -49,26 +43,3 @@ def test_shares_of_ribs_have_their_default_and_their_range() -> None:
 def test_every_quantity_is_on_the_page_of_results() -> None:
     table = rows("result.md")
     assert {key: table[key][2] for key in QUANTITIES} == {key: q.unit for key, q in QUANTITIES.items()}
-
-
-def test_sections_and_examples_of_a_docstring_are_lists_and_code() -> None:
-    def read(path: str) -> str:
-        """Read a file.
-
-        >>> read("a")
-        'b'
-
-        Args:
-            path: of the file,
-                which exists.
-
-        Raises:
-            OSError: it does not.
-        """
-        return path
-
-    text = reference_pages.described("read", read)
-    assert "```python\nread(path: str) -> str\n```" in text
-    assert "```pycon\n>>> read(\"a\")\n'b'\n```" in text
-    assert "**Args**\n\n- `path`: of the file, which exists.\n" in text
-    assert "- `OSError`: it does not." in text

@@ -41,22 +41,6 @@ def near_the_end() -> Run:
     return run
 
 
-def test_the_projected_hessian_leads_to_where_the_true_one_takes_over() -> None:
-    run = Run(0.1, confirm=True)
-    assert (run.plan().true, run.plan().grids) == (False, True)  # the grids follow the first Hessian
-    assert run.after_solve(run.plan(), solved(5.0)) is Action.SEARCH
-    assert not run.plan().grids
-    assert run.estimate.distance == pytest.approx(10.0)  # the first step is assumed to leave two thirds
-    run.after_search(1.0)
-    assert run.after_solve(run.plan(), solved(0.2)) is Action.SEARCH
-    assert run.estimate.distance == pytest.approx(0.2 * 9.0)  # the gradient has not fallen at all
-    run.after_search(1.0)
-    assert run.after_solve(run.plan(), solved(0.02, norm=0.1)) is Action.SEARCH
-    assert run.estimate.distance == pytest.approx(0.02)
-    run.after_search(1.0)
-    assert (run.plan().true, run.plan().fresh, run.plan().grids) == (True, True, False)
-
-
 def test_on_the_way_a_claim_needs_a_solve_that_ended() -> None:
     for outcome, is_solved in (
         (Outcome.SOLVED, True),
@@ -190,13 +174,6 @@ def test_nothing_is_searched_for_where_no_force_is_left() -> None:
         assert run.after_solve(run.plan(), solved(0.0, norm=0.0)) is wanted
 
 
-def test_a_run_begins_with_nothing_of_another() -> None:
-    earlier = near_the_end()
-    earlier.saddle.down = np.ones((2, 3))
-    fresh = Run(0.1)
-    assert (fresh.estimate.steps, fresh.saddle.down, fresh.estimate.distance) == ([], None, math.inf)
-
-
 SIZE = 60
 
 
@@ -285,14 +262,6 @@ def along(
         return trial(length, energy(length), slope(length), int(length > inverted_beyond))
 
     return attempt, tried
-
-
-def test_takes_the_first_decrease() -> None:
-    attempt, tried = along(lambda x: (x - 3.0) ** 2, lambda x: 2.0 * (x - 3.0))
-    step = search(attempt, 1.0, 9.0, -6.0)
-    assert step is not None
-    assert step.length == 1.0
-    assert tried == [1.0]
 
 
 @pytest.mark.parametrize("first", [8.0, 1e6])

@@ -47,18 +47,6 @@ def test_the_matrix_follows_the_state_unless_an_earlier_one_will_do(true: bool) 
     assert not np.array_equal(hessian(work, true), hessian(work, not true))
 
 
-def test_an_accepted_step_calls_for_another_hessian() -> None:
-    work = work_at(25.0)
-    work.assemble(true=False)
-    version = work.matrix_state.version
-    work.direction.assign(0.01 * np.ones((work.state.model.free_nodes, 3)))
-    work.attempt(1.0)
-    work.accept()
-    work.assemble(true=False)
-    assert work.matrix_state.version != version
-    np.testing.assert_array_equal(work.matrix.blocks.numpy(), hessian(work, true=False))
-
-
 @pytest.mark.parametrize("threads", [1, 2])
 def test_rounding_is_that_of_the_largest_displacement_of_the_state(threads: int) -> None:
     state = evaluated(model_of(TRUNK, threads=threads), held_turned(TRUNK, 25.0))
@@ -84,30 +72,3 @@ def test_curvature_is_that_of_the_whole_matrix(true: bool) -> None:
     along = np.random.default_rng(3).normal(size=(work.state.model.free_nodes, 3))
     wanted = along.ravel() @ (on_host(work.matrix) @ along.ravel())
     assert work.curvature(along) == pytest.approx(wanted, rel=1e-10)
-
-
-def test_an_assembly_that_is_interrupted_leaves_no_hessian_that_holds() -> None:
-    work = work_at(10.0)
-    work.assemble(true=False)
-
-    def interrupted() -> None:
-        work.matrix.assemble_true()
-        raise KeyboardInterrupt
-
-    work._assemble_true = interrupted
-    with pytest.raises(KeyboardInterrupt):
-        work.assemble(true=True)
-    assert not work.matrix_state.holds(False, None)
-    work.assemble(true=False, fresh=False)
-    np.testing.assert_array_equal(work.matrix.blocks.numpy(), hessian(work, true=False))
-
-
-def test_grids_that_follow_a_hessian_are_those_at_rest_in_the_next_relaxation() -> None:
-    work = work_at(25.0)
-    rest = work.preconditioner._grids.numpy().copy()
-    work.assemble(true=False, grids=True)
-    assert work.matrix_state.grids_follow
-    assert not np.array_equal(work.preconditioner._grids.numpy(), rest)
-    move(work, 10.0)
-    assert not work.matrix_state.grids_follow
-    np.testing.assert_array_equal(work.preconditioner._grids.numpy(), rest)
