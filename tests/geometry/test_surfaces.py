@@ -123,6 +123,17 @@ def with_slivers(surface: Surface, count: int, height: float) -> Surface:
     return Surface(np.concatenate([at, points]), faces.astype(np.int32))
 
 
+@pytest.mark.parametrize(("angles", "thin"), [((1.1, 89.45), False), ((0.9, 89.55), True), ((0.9, 178.2), True)])
+def test_a_sliver_has_an_angle_of_less_than_a_degree(angles: tuple[float, float], thin: bool) -> None:
+    """A needle has one such angle, a cap two."""
+    first, second = np.radians(angles)
+    side = np.sin(np.pi - first - second) / np.sin(second)
+    corners = np.array([[0.0, 0.0, 0.0], [50.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    corners[2, :2] = 50.0 * np.array([np.cos(first), np.sin(first)]) / side
+    triangle = Surface(corners, np.array([[0, 1, 2]], dtype=np.int32))
+    assert len(slivers(triangle)) == thin
+
+
 @pytest.mark.parametrize("height", [1e-3, 1e-6])
 def test_slivers_are_collapsed_and_all_else_stays(height):
     clean = box((40.0, 40.0, 40.0), splits=3)

@@ -1,14 +1,16 @@
-"""The picture of a body fitted to a scan of the back: each side under its name, points where they are."""
+"""Pictures of a scanned back and of a body fitted to it: each side under its name, points where they are."""
 
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 
 from support.drawn import drawn_figures, pixels, side_at
 from support.known_patient import known_case
-from warp_trunk.report.scan_pictures import fit_picture
+from warp_trunk.report.scan_pictures import fit_picture, scan_picture
+from warp_trunk.report.style import FAINT
 from warp_trunk.views.relief import BEHIND, LEFT, seen_from
 
 
@@ -48,3 +50,29 @@ def test_each_side_has_its_points_and_what_is_invented_is_grey() -> None:
     assert ticks.tolist() == pytest.approx([0.0, 0.25, 0.5, 1.0, 1.5, 3.0])
     words = [text.get_text() for text in figure.texts]
     assert words == ["grey: invented (50 % of the skin)", "2 points left out"]
+
+
+def test_parts_of_a_scan_have_their_colours_and_levels_their_lines() -> None:
+    parts = {name: np.array([[x, 0.0, z] for z in (0.0, 400.0)]) for name, x in (("skin", 0.0), ("raised", 5.0))}
+    around = np.array([[90.0, 0.0, 50.0]])
+    scan: Any = SimpleNamespace(bridged=np.zeros(2, dtype=bool), surroundings=around, hidden=around + 4.0, **parts)
+    tangent = SimpleNamespace(left=np.array([60.0, 10.0]), right=np.array([-70.0, 12.0]))
+    levels = {
+        "T8": SimpleNamespace(tangent=tangent, height=300.0),
+        "L1": SimpleNamespace(tangent=None, height=100.0),
+        "L5": None,
+    }
+    with drawn_figures() as figures:
+        scan_picture(SimpleNamespace(levels=levels), scan)  # pyright: ignore[reportArgumentType]
+    (figure,) = figures.values()
+    (axes,) = figure.axes
+    drawn = {dots.get_label(): dots for dots in axes.collections}
+    colours = {words: to_hex(dots.get_facecolor()[0]) for words, dots in drawn.items()}
+    assert [*drawn] == ["left out: 2 points", "skin: 2 points", "stands on the skin: 2 points"]
+    orange, grey, purple = colours.values()
+    assert (orange, purple) == ("#ee7733", "#aa3377")
+    assert grey == FAINT
+    np.testing.assert_array_equal(drawn["stands on the skin: 2 points"].get_offsets(), [[5.0, 0.0], [5.0, 400.0]])
+    (line,) = axes.lines
+    np.testing.assert_array_equal(line.get_xydata(), [[60.0, 300.0], [-70.0, 300.0]])
+    assert [text.get_text() for text in axes.texts] == ["T8", "L1 –"]

@@ -219,10 +219,13 @@ PACKAGES = ("warp-trunk", "warp-lang", "numpy", "scipy", "tetgen", "trimesh", "r
 
 def versions() -> dict[str, str | None]:
     """Version by name; None for a package that is not installed."""
-    versions_of: dict[str, str | None] = {"python": platform.python_version(), "platform": platform.platform()}
-    for package in PACKAGES:
-        try:
-            versions_of[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            versions_of[package] = None
-    return versions_of
+    of_system = {"python": platform.python_version(), "platform": platform.platform()}
+    return {**of_system, **{package: version_of(package) for package in PACKAGES}}
+
+
+def version_of(package: str) -> str | None:
+    """The version of a package; None where it is not installed."""
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None

@@ -30,7 +30,7 @@ from warp_trunk.meshing.cache import cache_folder
 from warp_trunk.meshing.tetrahedra import mean_ratio, run_tetgen
 from warp_trunk.recording.viewer import WITHOUT_DISPLAY, has_display, viewer_command, viewer_environment
 from warp_trunk.results.result import LEAST_SPACE
-from warp_trunk.results.summary import versions
+from warp_trunk.results.summary import version_of, versions
 
 from .warming import ball
 
@@ -65,7 +65,7 @@ def examine(results: Path) -> Iterator[Finding]:
         wanted = stated.pop(name, SpecifierSet())
         yield _version(name, version, wanted)
     for name, wanted in stated.items():  # the others only where something is wrong
-        finding = _version(name, _installed(name), wanted)
+        finding = _version(name, version_of(name), wanted)
         if finding.cure:
             yield finding
     yield Finding("processor", f"{platform.machine()}, {choose_threads(0)} cores for this process")
@@ -97,13 +97,6 @@ def required_versions() -> dict[str, SpecifierSet]:
     every = [Requirement(text) for text in metadata.requires("warp-trunk") or ()]
     core = [need for need in every if need.marker is None or need.marker.evaluate({"extra": ""})]
     return {need.name: need.specifier for need in core}
-
-
-def _installed(name: str) -> str | None:
-    try:
-        return metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return None
 
 
 def _version(name: str, version: str | None, wanted: SpecifierSet) -> Finding:
