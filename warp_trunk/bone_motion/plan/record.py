@@ -75,8 +75,9 @@ class Plan:
     are corrected. What bent out on films of side bending when left out, without films three quarters of the share
     by which the planned curves are corrected."""
     balance: Literal["posture", "keep", "centre"] = "posture"
-    """Where T1 stands in the coronal plane: where patients stand after such surgery, near the sacrum and to the
-    convex side of a curve on which the fusion ends; as far beside the sacrum as before; or over it."""
+    """Where T1 stands in the coronal plane: where patients stand after such surgery, nearer the sacrum the more
+    discs are free below the fusion, and to the convex side of a curve on which it ends; as far beside the sacrum
+    as before; or over it."""
     sva_after: Annotated[float, Meta(ge=-150.0, le=150.0)] | None = None
     """How far T1 stands in front of the sacrum after [mm]; as far as before when left out."""
     file_keys: ClassVar[Mapping[str, str]] = {"curves": "curve"}  # plan.toml has a table [[curve]] for each

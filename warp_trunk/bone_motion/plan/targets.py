@@ -23,9 +23,15 @@ Lumbar curves below a thoracic fusion: 0.72 (32 patients, Lenke 1B and 1C), 0.76
 cantilever bending) and 0.94 (28; Choi et al. 2008, Asian Spine J 2:81). Upper thoracic curves: 0.66 (56; Smyrnis
 et al. 2009, Eur Spine J 18:522).
 """
-IMBALANCE_LEFT = 0.1
-"""Part of the coronal imbalance before surgery that remains: patients who leaned to the left by 24 and by 36 mm
-stood 18 and 19 mm to the left two years after selective thoracic fusion (121 and 47 patients)."""
+COMES_HOME = 0.18
+"""Part of the coronal imbalance before surgery that each free disc below the fusion takes back: 0.9 with the five
+below L1. Patients who leaned to the left by 24 and by 36 mm stood 18 and 19 mm to the left two years after
+selective thoracic fusion to L1 or above (121 and 47 patients), of which `LEANS` is the greater part.
+
+Lumbar fusions judge it: with the three discs below L3 about half remains, and two years after T1 stands more than
+20 mm aside in 15 % of 264 patients (docs/change.md), most of all where L5 is fused (56 patients,
+doi 10.1186/s12891-018-2135-2).
+"""
 LEANS = 0.65
 """How far T1 stands to the convex side of a curve on which the fusion ends, for each degree that is left of it
 [mm/degree]: 18 mm at 23 degrees in the first of these studies.
@@ -186,7 +192,8 @@ def _balance(still: Placed, plan: Plan, curves: tuple[PlannedCurve, ...]) -> flo
         for curve in curves
         if curve.plan is None and rank(curve.before.upper) <= rank(plan.liv) < rank(curve.before.apex)
     )
-    after = IMBALANCE_LEFT * before + LEANS * sum(left_below)
+    free_discs = len(still.chain.levels) - still.chain.row(plan.liv)
+    after = max(1.0 - COMES_HOME * free_discs, 0.0) * before + LEANS * sum(left_below)
     adapted = min(_corrected((curve.before, curve.plan) for curve in curves) / ADAPTED, 1.0)
     return before + adapted * (after - before)
 
