@@ -173,7 +173,8 @@ def test_a_phantom(phantom: Simulated) -> None:
     check_constants(phantom, phantom.case.tissue)
 
 
-@pytest.mark.parametrize("energy", [pytest.param("itmsm", marks=pytest.mark.slow), "neo-hookean"])
+@pytest.mark.slow
+@pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
 def test_thickness_of_layers(energy: EnergyName) -> None:
     """Against a step of a hundredth of a mm of the whole layer, assigned by depth again."""
     case = replace(whole_phantom(), layers=Layers())

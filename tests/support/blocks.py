@@ -1,5 +1,7 @@
 """Bones built of blocks: shapes whose landmarks are known."""
 
+from functools import cache
+
 import numpy as np
 
 from warp_trunk.case.anatomy import VERTEBRAE
@@ -24,6 +26,7 @@ HIP: tuple[Box, ...] = (
 )
 
 
+@cache
 def blocks(boxes: tuple[Box, ...]) -> Surface:
     """The closed surface of a union of boxes, from the faces between filled and empty cells of 2 mm."""
     low = np.array([box[0] for box in boxes]).min(axis=0) - 2
