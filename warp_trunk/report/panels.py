@@ -79,13 +79,15 @@ def shaded(
         part: 0 to 1, shape (rows, columns).
         skin: what it is mixed into, shape as that of the colour.
     """
-    light = np.clip(np.nan_to_num(seen.normal @ LIGHT), 0.0, 1.0).astype(np.float32)[:, :, None]
-    base = np.where((seen.cloth == 0)[:, :, None], skin, MATERIALS[seen.cloth])
+    body, shape = np.isfinite(seen.depth), seen.normal.shape
+    light, bare = np.clip(seen.normal[body] @ LIGHT, 0.0, 1.0)[:, None], seen.cloth[body] == 0
+    base = np.where(bare[:, None], np.broadcast_to(skin, shape)[body], MATERIALS[seen.cloth[body]])
     if colour is not None and part is not None:
-        base = base + (part * (seen.cloth == 0))[:, :, None] * (colour - base)
-    image = np.empty((*seen.depth.shape, 4), np.uint8)  # matplotlib draws whole numbers several times as fast
-    image[:, :, :3] = np.round(255.0 * (SHADOW + (1.0 - SHADOW) * light) * base)
-    image[:, :, 3] = np.where(np.isfinite(seen.depth), 255, 0)
+        base += (part[body] * bare)[:, None] * (np.broadcast_to(colour, shape)[body] - base)
+    image = np.empty((*body.shape, 4), np.uint8)  # matplotlib draws whole numbers several times as fast
+    image[:] = [*np.round(255.0 * SHADOW * CLAY), 0]  # what edges are mixed with
+    image[body, :3] = np.round(255.0 * (SHADOW + (1.0 - SHADOW) * light) * base)
+    image[body, 3] = 255
     return image
 
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Polygon
 
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import unit
@@ -82,16 +82,14 @@ def _angle_text(
 
 def _vertebrae(axes: Axes, spine: Boxes, colour: str, fused: Sequence[str]) -> None:
     """The faces that look at the viewer, the furthest first, the brighter the more they do; rods over them."""
-    faces = []
-    for level, (corners, _) in spine.items():
-        for face in FACES:
-            a, b, c, d = corners[list(face)]
-            facing = unit(np.cross(c - a, d - b))[1]
-            if facing > 0.0:
-                faces.append((corners[list(face)], facing, FUSED if level in fused else BONE))
-    for face, facing, bone in sorted(faces, key=lambda shown_face: shown_face[0][:, 1].mean()):
-        shade = (0.72 + 0.28 * facing) * bone
-        axes.add_patch(Polygon(face[:, [0, 2]], closed=True, facecolor=shade, edgecolor=colour, linewidth=0.7))
+    faces = np.array([corners[list(face)] for corners, _ in spine.values() for face in FACES]).reshape(-1, 4, 3)
+    bones = np.repeat([FUSED if level in fused else BONE for level in spine], len(FACES), axis=0)
+    facing = unit(np.cross(faces[:, 2] - faces[:, 0], faces[:, 3] - faces[:, 1]))[:, 1]
+    order = np.argsort(faces[:, :, 1].mean(axis=1), kind="stable")
+    order = order[facing[order] > 0.0]
+    shades = (0.72 + 0.28 * facing[order, None]) * bones[order].reshape(-1, 3)
+    places = list(faces[order][:, :, [0, 2]])
+    axes.add_collection(PolyCollection(places, facecolor=shades, edgecolor=colour, linewidth=0.7), autolim=False)
     rods = np.array([spine[level][1] for level in spine if level in fused]).reshape(-1, 2, 3)
     for side in (0, 1):
         axes.plot(*rods[:, side, ::2].T, color=ROD, linewidth=2.6, solid_capstyle="round")

@@ -149,8 +149,10 @@ def file_of(figure: Figure, ending: str, source: str | None = None) -> bytes:
     file = io.BytesIO()
     metadata: dict[str, Any] = {"svg": {"Date": None}, "png": {"Software": None, "Source": source}}[ending]
     packing: dict[str, Any] = {"png": {"pil_kwargs": {"compress_level": 1}}}.get(ending, {})
+    if (layout := figure.get_layout_engine()) is not None:  # once, not twice for each file
+        layout.execute(figure)
+        figure.set_layout_engine("none")
     figure.savefig(file, format=ending, dpi=200, metadata=metadata, **packing)
-    figure.set_layout_engine("none")  # it is laid out, and stays so
     return file.getvalue()
 
 

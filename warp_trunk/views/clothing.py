@@ -214,24 +214,24 @@ class Garment:
 
     def __init__(self, skin: Surface, landmarks: Landmarks) -> None:
         """Fits them to a skin with its landmarks, as `cloth_of`, which says what it raises."""
+        from scipy.sparse import csr_array
         from scipy.spatial import KDTree
 
         cloth = cloth_of(skin, landmarks)
         rows = {"shorts": (cloth[:SHORTS], True), "shirt": (open_shirt(cloth), False)}
         self.faces = {name: _grid(*grid.shape[:2], closed=closed) for name, (grid, closed) in rows.items()}
         """Triangles of `shorts` and `shirt`, outward, shape (n, 3)."""
-        self._parts = {}
-        tree = KDTree(skin.vertices)
+        self._parts, self._skin, tree = {}, skin.vertices, KDTree(skin.vertices)
         for name, (grid, _) in rows.items():
             places = grid.reshape(-1, 3)
             distance, near = tree.query(places, k=_CARRIERS)
             weight = 1.0 / (distance + 1e-6)
-            self._parts[name] = places, near, (weight / weight.sum(axis=1, keepdims=True))[..., None]
-        self._skin = skin.vertices
+            weight /= weight.sum(axis=1, keepdims=True)
+            ends = np.arange(0, near.size + 1, _CARRIERS)
+            carriers = csr_array((weight.ravel(), near.ravel(), ends), shape=(len(places), len(skin.vertices)))
+            self._parts[name] = places, carriers
 
     def on(self, vertices: np.ndarray) -> dict[str, np.ndarray]:
         """Vertices of `shorts` and `shirt` where the skin has moved to `vertices`, (vertices, 3); all [mm]."""
         way = vertices - self._skin
-        return {
-            name: places + (weight * way[near]).sum(axis=1) for name, (places, near, weight) in self._parts.items()
-        }
+        return {name: places + carriers @ way for name, (places, carriers) in self._parts.items()}
