@@ -29,5 +29,5 @@ def test_a_hatch_is_spoken_of_where_it_is_seen_from_behind(stretched, hatched):
 
 def test_areas_say_how_much_of_them_is_seen():
     areas = skin_areas(change([STRETCH + 0.1, STRETCH + 0.1, 1.0]), {"behind": BEHIND, "front": FRONT})
-    assert areas["stretched"] == "6 cm², of which 2 are seen here"
-    assert areas["folded"] == "0 cm²"
+    assert areas["stretched"] == "6 cm2, of which 2 are seen here"
+    assert areas["folded"] == "0 cm2"

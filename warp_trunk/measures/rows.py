@@ -263,6 +263,6 @@ def comparison_text(comparison: SkinComparison) -> str:
             "",
             "Distance from the prediction to the actual skin [mm], positive outside it; on the right both ways",
             as_text(head, distances),
-            "Area in cm²; the flanks may hold the planes where the arms are cut off.",
+            "Area in cm2; the flanks may hold the planes where the arms are cut off.",
         ]
     )

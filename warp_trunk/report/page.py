@@ -230,8 +230,8 @@ def skin_areas(change: SkinChange, visible: Mapping[str, np.ndarray]) -> dict[st
     def words(part: np.ndarray) -> str:
         whole, visible_part = (float(change.area @ each) / 100.0 for each in (part, part * seen))
         if round(visible_part) == round(whole):
-            return f"{whole:.0f} cm²"
-        return f"{whole:.0f} cm², of which {visible_part:.0f} are seen here"
+            return f"{whole:.0f} cm2"
+        return f"{whole:.0f} cm2, of which {visible_part:.0f} are seen here"
 
     parts = {"shown": change.stretch > LOOK, "stretched": change.stretch > STRETCH, "folded": change.folded}
     behind = bool((change.doubtful & visible["behind"]).any())
@@ -307,9 +307,9 @@ def change_table(before: Surface, predicted: Surface) -> list[list[str]]:
     return [
         ["Largest displacement of the skin [mm]", f"{way.max():.1f}"],
         ["Where that is before surgery: x, y, z [mm]", place],
-        ["Skin that moves by more than 1 mm [cm²]", f"{corner_areas(before)[way > 1.0].sum() / 100.0:.0f}"],
-        ["Volume gained outside the skin before [cm³]", f"{outward:z.1f}"],
-        ["Volume lost inside it [cm³]", f"{inward:z.1f}"],
+        ["Skin that moves by more than 1 mm [cm2]", f"{corner_areas(before)[way > 1.0].sum() / 100.0:.0f}"],
+        ["Volume gained outside the skin before [cm3]", f"{outward:z.1f}"],
+        ["Volume lost inside it [cm3]", f"{inward:z.1f}"],
         ["Pairs of triangles of the predicted skin that cross", f"{len(crossings(predicted))}"],
     ]
 
