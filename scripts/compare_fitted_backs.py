@@ -69,18 +69,18 @@ def compared(whole: Case, kind: str) -> dict[str, Any]:
     fit = fit_back(*cut_back(whole))
     comparison: dict[str, Any] = {"distance": float(fit.distance.mean()), "share": fit.invented}
     comparison |= errors_of_invented(whole, fit.case)
-    uiv, liv = CURVES[kind][1]
+    (uiv, liv), place = CURVES[kind][1], ""
     for case, which in ((whole, "whole"), (fit.case, "fitted")):
         main_curve = max(cobb_angles(case.landmarks_before), key=lambda curve: curve.angle)
         plan = Plan(uiv=uiv, liv=liv, curves=(CurvePlan(main_curve.apex, correction=CORRECTION),))
         result = simulate(case, plan, OPTIONS, Execution(record=False))
-        place = result.table.place("main_hump_mm") or ""
+        place = place or result.table.place("main_hump_mm") or ""  # of the whole body, also for the fitted case
         comparison[which] = {
             "status": result.status.name,
             "inverted": result.summary.inverted_tets,
             "before": rotations(result.measures_before),
             "after": rotations(result.measures),
-            "hump": [result.table.value(state, "main_hump_mm", place) for state in (BEFORE, PREDICTED)],
+            "hump": [result.table.value(state, "hump_mm", place) for state in (BEFORE, PREDICTED)],
         }
     return comparison
 
@@ -117,7 +117,7 @@ def table(results: list[dict[str, Any]]) -> str:
     """By level, the fitted case minus the whole body: root mean square and mean."""
 
     def of(which: str, when: str) -> np.ndarray:
-        return np.array([result[which][when] for result in results])
+        return np.array([result[which][when] for result in results], dtype=np.float64)  # NaN where there is none
 
     before, after = (of("fitted", when) - of("whole", when) for when in ("before", "after"))
     lines = ["| level | before | predicted | change | predicted, mean |", "|---|---|---|---|---|"]
@@ -130,7 +130,8 @@ def table(results: list[dict[str, Any]]) -> str:
     names = ("ribs", "turn", "front", "distance", "share")
     means = {name: np.mean([result[name] for result in results]) for name in names}
     hump = of("fitted", "hump")[:, 1] - of("whole", "hump")[:, 1]
-    lines.append(f"{means}; predicted hump off by {np.sqrt(np.mean(np.square(hump))):.1f} mm (root mean square)")
+    off = f"{np.sqrt(np.nanmean(np.square(hump))):.1f} mm (root mean square of {np.isfinite(hump).sum()})"
+    lines.append(f"{means}; predicted hump off by {off}")
     return "\n".join(lines)
 
 

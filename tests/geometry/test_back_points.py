@@ -131,6 +131,23 @@ def test_hair_over_the_whole_upper_back_leaves_its_levels_out(true_rotations):
     assert {level for level, at in back.levels.items() if not_none(at).height > 245.0} <= back.missing.keys()
 
 
+def hand(x, z, lift, seen):
+    """A hand that lies on the back or is held behind it, all of it or what a scanner sees."""
+    points = np.random.default_rng(1).normal(0.0, 1.0, (3000, 3))
+    points *= np.array([40.0, 12.0, 60.0]) / np.linalg.norm(points, axis=1, keepdims=True)
+    points = points[points[:, 1] > 0.0] if seen else points
+    return points + np.array([x, depth_at(x, z) + lift, z])
+
+
+@pytest.mark.parametrize(
+    "at", [(120.0, 330.0, 64.0, False), (100.0, 360.0, 40.0, True), (70.0, 380.0, 40.0, False)]
+)
+def test_a_hand_on_or_behind_the_back_turns_no_level(at, true_rotations):
+    back = measured(np.vstack([scan(), hand(*at)]))
+    assert np.nanmax(errors(back, true_rotations)) < 1.0
+    assert np.isfinite(errors(back, true_rotations)).sum() >= 14
+
+
 def splats(sd, seed, hair=None):
     rng = np.random.default_rng(seed)
     points = scan(noise=0.0, hair=hair)
@@ -147,6 +164,23 @@ def test_a_plait_in_the_points_of_apps_turns_no_level(profile, true_rotations):
     assert np.nanmax(error) < 1.1
     below = [k for k, level in enumerate(back.levels.values()) if not_none(level).height < 210.0]
     assert np.isfinite(error[below]).all()
+
+
+STRAPS = {
+    "band with two straps": lambda x, z: 4.0 * (
+        (np.abs(z - 290.0) < 15.0) | ((np.abs(np.abs(x) - 70.0) < 7.5) & (z > 290.0))
+    ),
+    "crossed straps": lambda x, z: 4.0 * (np.abs(np.abs(z - 290.0) - np.abs(x)) < 10.0),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("noisy", [False, True])
+@pytest.mark.parametrize("strap", STRAPS)
+def test_straps_turn_no_level_also_where_noise_hides_them(strap, noisy, true_rotations):
+    """In the points of apps they are not seen, but smoothed with the skin."""
+    back = measured(splats(3.0, 0, hair=STRAPS[strap]) if noisy else scan(hair=STRAPS[strap]))
+    assert np.nanmax(errors(back, true_rotations)) < 1.0
+    assert not_none(back.scan).stands or noisy
 
 
 @pytest.mark.parametrize("seed", range(3))

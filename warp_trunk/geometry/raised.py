@@ -34,6 +34,8 @@ _WEAK = 0.6
 _ROUNDS = 3
 _CLOSED = 3
 """Gaps in it narrower than twice as many cells are of it."""
+_WIDER = 1
+"""What creases cut to pieces and is wider than twice as many cells may be of what stands beside it, as a hand."""
 _FOOT = 12.0
 """The foot of what is raised may lie this far beyond its crease [mm]."""
 
@@ -202,7 +204,10 @@ def find_raised(grid: DepthGrid, aside: np.ndarray, error: float = 0.0, blur: fl
     beyond = raised | (~near & _dilated(raised, _CLOSED))
     raised = np.logical_or(raised, ndimage.binary_closing(beyond, iterations=_CLOSED))
     raised = np.asarray(ndimage.binary_fill_holes(raised), dtype=bool) & near
-    reach = _dilated(raised, round(_FOOT / grid.cell)) & near
+    beside = _dilated(raised, _CLOSED)
+    rest = ndimage.binary_opening(near & ~skin & ~raised, iterations=_WIDER)
+    whole = np.asarray(ndimage.binary_propagation(beside, mask=beside | rest), dtype=bool)
+    reach = _dilated(whole, round(_FOOT / grid.cell)) & near
     standing = Raised(grid, reach, raised, bridge(grid, near & ~reach, reach))
     for _ in range(_ROUNDS - 1):  # skin beside the foot carries the bridge, too
         standing = replace(standing, skin=bridge(grid, near & ~standing.cells, reach))
