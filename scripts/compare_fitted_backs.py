@@ -30,6 +30,7 @@ from warp_trunk import (
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.measures.quantities import BEFORE, PREDICTED
+from warp_trunk.measures.rows import as_markdown
 from warp_trunk.preparation.back_scan import fit_back
 from warp_trunk.preparation.back_scan.scan import cut_back
 from warp_trunk.preparation.deformity import SpineCurve, make_case
@@ -120,19 +121,16 @@ def table(results: list[dict[str, Any]]) -> str:
         return np.array([result[which][when] for result in results], dtype=np.float64)  # NaN where there is none
 
     before, after = (of("fitted", when) - of("whole", when) for when in ("before", "after"))
-    lines = ["| level | before | predicted | change | predicted, mean |", "|---|---|---|---|---|"]
-    for row, level in enumerate(LEVELS):
-        parts = (before[:, row], after[:, row], (after - before)[:, row])
-        sizes = " | ".join(f"{np.sqrt(np.nanmean(np.square(part))):.1f}" for part in parts)
-        lines.append(f"| {level} | {sizes} | {np.nanmean(after[:, row]):+.1f} |")
-    rms = [np.sqrt(np.nanmean(np.square(part))) for part in (before, after, after - before)]
-    lines.append("| all | " + " | ".join(f"{value:.2f}" for value in rms) + f" | {np.nanmean(after):+.2f} |")
+    rows = []
+    for name, at in (*((level, [row]) for row, level in enumerate(LEVELS)), ("all", slice(None))):
+        sizes = [np.sqrt(np.nanmean(np.square(part[:, at]))) for part in (before, after, after - before)]
+        rows.append([name, *(f"{size:.2f}" for size in sizes), f"{np.nanmean(after[:, at]):+.2f}"])
     names = ("ribs", "turn", "front", "distance", "share")
     means = {name: np.mean([result[name] for result in results]) for name in names}
     hump = of("fitted", "hump")[:, 1] - of("whole", "hump")[:, 1]
     off = f"{np.sqrt(np.nanmean(np.square(hump))):.1f} mm (root mean square of {np.isfinite(hump).sum()})"
-    lines.append(f"{means}; predicted hump off by {off}")
-    return "\n".join(lines)
+    by_level = as_markdown(["level", "before", "predicted", "change", "predicted, mean"], rows)
+    return f"{by_level}\n{means}; predicted hump off by {off}"
 
 
 if __name__ == "__main__":

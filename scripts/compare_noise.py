@@ -26,6 +26,7 @@ from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.measures import measure
+from warp_trunk.measures.rows import as_markdown
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.preparation.deformity import correct
 from warp_trunk.preparation.deformity.published_curves import Kind
@@ -70,7 +71,7 @@ def with_errors(landmarks: Landmarks, seed: int) -> Landmarks:
     return Landmarks(landmarks.names, landmarks.points + errors)
 
 
-def read_angles(case: Case, kind: Kind) -> str:
+def read_angles(case: Case, kind: Kind) -> list[str]:
     """Angles that are read and planned with errors, as a row of a table."""
     exact = case.landmarks_before
     straight, angles, invented, missed, refused = spine_of(exact), [], 0, [], 0
@@ -90,10 +91,8 @@ def read_angles(case: Case, kind: Kind) -> str:
         after = curves_after([main], planned)[0]
         assert after is not None  # every endplate has its landmarks
         missed.append(after - (1.0 - CORRECTION) * main.angle)
-    return (
-        f"| {kind} | {np.mean(angles):.1f} ± {np.std(angles):.1f} | {invented} of {READ} | "
-        f"{np.mean(missed):+z.2f} ± {np.std(missed):.2f} | {refused} |"
-    )
+    read, off = f"{np.mean(angles):.1f} ± {np.std(angles):.1f}", f"{np.mean(missed):+z.2f} ± {np.std(missed):.2f}"
+    return [kind, read, f"{invented} of {READ}", off, str(refused)]
 
 
 def relaxed(case: Case, options: Options, like: Prediction | None = None) -> Prediction:
@@ -155,25 +154,26 @@ def simulate_draws(case: Case, kind: Kind, options: Options) -> str:
     deviation, offset = np.nanstd(values, axis=0, ddof=1), np.nanmean(beyond, axis=0)
     error = np.nanstd(beyond, axis=0, ddof=1) / np.sqrt(converged)
     ratio = stated / deviation
-    lines = [f"{kind}: {converged} of {options.draws} draws converged; ratio {np.median(ratio):.2f} in the median"]
-    lines += ["", "| level | offset [°] | over the deviation | drawn deviation [°] | stated over drawn |"]
-    lines += ["|---|---|---|---|---|"]
-    lines += [
-        f"| {level} | {mean:+z.2f} ± {unsure:.2f} | {mean / spread:+z.2f} | {spread:.2f} | {part:.2f} |"
+    rows = [
+        [level, f"{mean:+z.2f} ± {unsure:.2f}", f"{mean / spread:+z.2f}", f"{spread:.2f}", f"{part:.2f}"]
         for level, mean, unsure, spread, part in zip(levels, offset, error, deviation, ratio, strict=True)
     ]
-    return "\n".join(lines)
+    first = f"{kind}: {converged} of {options.draws} draws converged; ratio {np.median(ratio):.2f} in the median"
+    head = ["level", "offset [°]", "over the deviation", "drawn deviation [°]", "stated over drawn"]
+    return f"{first}\n\n{as_markdown(head, rows)}"
 
 
 def main(options: Options) -> None:
     """Prints the tables."""
     skin, bones = read_trunk(options.anatomy)
     straight = find_landmarks(bones).complete()
-    print("| curve of 60° | read [°] | draws with an invented curve | plan missed by [°] | refused |")
-    print("|---|---|---|---|---|")
-    for kind in ("thoracic", "thoracolumbar", "double_major"):
+    kinds: tuple[Kind, ...] = ("thoracic", "thoracolumbar", "double_major")
+    rows = []
+    for kind in kinds:
         curved = correct(straight, SpineCurve(kind=kind, cobb=COBB, kyphosis=24.0), 0.0)
-        print(read_angles(Case(kind, skin, bones, curved), kind), flush=True)
+        rows.append(read_angles(Case(kind, skin, bones, curved), kind))
+    head = ["curve of 60°", "read [°]", "draws with an invented curve", "plan missed by [°]", "refused"]
+    print(as_markdown(head, rows), flush=True)
     if options.draws:
         skin = coarsen(skin, options.skin_edge, 0.2 * options.skin_edge)
         for kind, (cobb, correction) in SIMULATED.items():

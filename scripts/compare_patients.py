@@ -25,6 +25,7 @@ from warp_trunk.io.point_files import read_points
 from warp_trunk.measures import measure_back
 from warp_trunk.measures.back import vertebrae_on_line
 from warp_trunk.measures.markers import BackMarkers, back_markers
+from warp_trunk.measures.rows import as_markdown
 from warp_trunk.preparation.deformity.deformity import impose
 from warp_trunk.preparation.deformity.spine_curve import MeasuredSpine, measured_spine
 from warp_trunk.preparation.landmark_finder import find_landmarks
@@ -155,11 +156,8 @@ def spine_of_patient(folder: Path, markers: BackMarkers, turn: float) -> tuple[M
 
 def table(patients: list[Patient], measure: int) -> str:
     """Real beside imposed by level, and over all levels."""
-    rows = [
-        "| level | real [°] | imposed [°] | gain, real [°/mm] | gain, imposed | r | error [°] | floor | zero |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
-    errors = []
+    head = ["level", "real [°]", "imposed [°]", "gain, real [°/mm]", "gain, imposed", "r", "error [°]", "floor"]
+    rows, errors = [], []
     for name, levels in [*((level, (level,)) for level in LEVELS), ("T4 to T7", UPPER)]:
         at = [VERTEBRAE.index(level) for level in levels]
         each = np.hstack([np.array([p.way, p.real[measure], p.imposed[measure]])[:, at] for p in patients])
@@ -170,9 +168,9 @@ def table(patients: list[Patient], measure: int) -> str:
             errors.append(error)
         cells = [f"{real.mean():.1f}", f"{imposed.mean():.1f}", gain(way, real), gain(way, imposed)]
         cells += [f"{np.corrcoef(real, imposed)[0, 1]:.2f}", *(f"{number:.2f}" for number in error)]
-        rows.append(f"| {name} | {' | '.join(cells)} |")
-    mean = " | ".join(f"{number:.2f}" for number in np.mean(errors, axis=0))
-    return "\n".join([*rows, f"| mean of the levels | | | | | | {mean} |"])
+        rows.append([name, *cells])
+    rows.append(["mean of the levels", *[""] * 5, *(f"{number:.2f}" for number in np.mean(errors, axis=0))])
+    return as_markdown([*head, "zero"], rows)
 
 
 def gain(way: np.ndarray, angle: np.ndarray) -> str:
@@ -192,15 +190,15 @@ def by_group(patients: list[Patient]) -> dict[str, list[Patient]]:
 
 def groups(patients: list[Patient]) -> str:
     """Means of the groups, the dual tangent by level."""
-    rows = [f"| group | n | back | {' | '.join(LEVELS)} |", f"|---|---|---|{'---|' * len(LEVELS)}"]
+    rows = []
     at = [VERTEBRAE.index(level) for level in LEVELS]
     for name, members in by_group(patients).items():
         curves = np.mean([(patient.thoracic, patient.lumbar) for patient in members], axis=0)
         for kind in ("real", "imposed"):
             mean = np.nanmean([getattr(patient, kind)[0][at] for patient in members], axis=0)
-            cells = " | ".join(f"{value:.1f}" for value in mean)
-            rows.append(f"| {name}, {curves[0]:.0f}° and {curves[1]:.0f}° | {len(members)} | {kind} | {cells} |")
-    return "\n".join(rows)
+            title = f"{name}, {curves[0]:.0f}° and {curves[1]:.0f}°"
+            rows.append([title, str(len(members)), kind, *(f"{value:.1f}" for value in mean)])
+    return as_markdown(["group", "n", "back", *LEVELS], rows)
 
 
 def draw(patients: list[Patient], file: Path) -> None:

@@ -35,6 +35,7 @@ from warp_trunk.engine.physics import Physics
 from warp_trunk.engine.relaxation import Relaxation, RelaxOptions, RelaxStatus
 from warp_trunk.engine.simulation import SimulationOptions, simulate
 from warp_trunk.engine.trunk_mesh import TrunkMesh, oriented, tet_volumes
+from warp_trunk.measures.rows import as_markdown
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))
 
@@ -215,10 +216,8 @@ def by_newton(reference: Reference, displacement: np.ndarray, tolerance: float) 
 
 def table(results: list[tuple[Draw, list[Claim]]]) -> str:
     """Table of endings and false claims by energy and precision, in Markdown."""
-    lines = [
-        "| energy | precision | cases | CONVERGED at the end | claims judged | false | true / reported, largest |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    head = ["energy", "precision", "cases", "CONVERGED at the end", "claims judged", "false"]
+    rows = []
     for energy in ENERGIES:
         for precision in ("float32", "float64"):
             mine = [c for d, c in results if (d.energy, d.precision) == (energy, precision)]
@@ -228,11 +227,10 @@ def table(results: list[tuple[Draw, list[Claim]]]) -> str:
             judged = [c for claims in mine for c in claims if c.true is not None]
             ratio = max((c.true / c.reported for c in judged if c.true is not None), default=0.0)
             wrong = sum(c.false for c in judged)
-            lines.append(
-                f"| {energy} | {precision} | {len(mine)} | {last} ({100.0 * last / len(mine):.1f} %) "
-                f"| {len(judged)} | {wrong} | {ratio:.2f} |"
-            )
-    return "\n".join(lines)
+            at_end = f"{last} ({100.0 * last / len(mine):.1f} %)"
+            counts = (str(len(judged)), str(wrong), f"{ratio:.2f}")
+            rows.append([energy, precision, str(len(mine)), at_end, *counts])
+    return as_markdown([*head, "true / reported, largest"], rows)
 
 
 @dataclass(frozen=True, kw_only=True)
