@@ -51,6 +51,19 @@ def test_increments_come_in_order_with_bones_in_place_and_stay_as_they_were(prec
     assert steps[-1].relaxation.estimated_error <= 1e-3
 
 
+def test_the_path_of_all_nodes_is_evaluated_once() -> None:
+    """Later the tissue is extrapolated, and the path of the nodes on bone is all that is read."""
+    calls = []
+
+    class Counted(PrescribedMotion):
+        def at(self, load_factor: float) -> np.ndarray:
+            calls.append(load_factor)
+            return super().at(load_factor)
+
+    list(simulate(model_of(TWO_BONES), Counted(bent_spine()), SimulationOptions(increments=3)))
+    assert calls == [1.0 / 3.0]
+
+
 @pytest.mark.parametrize("gravity", [0.0, 9.81])
 def test_increments_do_not_change_the_end(gravity: float) -> None:
     """Theorem 2 of [2], measured: 1, 2 and 5 increments, against an equilibrium found without the engine."""

@@ -118,10 +118,10 @@ def rigid_path(trunk: TrunkMesh, motions: Mapping[str, RigidMotion], device: str
         device: as in `spline_path`.
     """
     rigid_bones = _rigid_bones(trunk, motions)
-    held = np.flatnonzero(trunk.prescribed)
-    moved = rigid_displacement(trunk, motions)[held]
-    smooth = PrescribedMotion(extended_displacement(trunk.nodes, held, moved, device), rigid_bones)
-    return PrescribedMotion(smooth.at(1.0), rigid_bones)
+    held, moved = rigid_bones.nodes, rigid_bones.at(1.0)
+    displacement = extended_displacement(trunk.nodes, held, moved, device)
+    displacement[held] = moved
+    return PrescribedMotion(displacement, rigid_bones)
 
 
 def rigid_displacement(trunk: TrunkMesh, motions: Mapping[str, RigidMotion]) -> np.ndarray:

@@ -112,7 +112,10 @@ def simulate(
         options, or another simulation has taken it over.
     """
     options = options or SimulationOptions()
-    check_path(model, bone_path)
+    first = bone_path.at(1.0 / options.increments)
+    if first.shape != (len(model.order), 3):
+        has = f"has {len(first)} nodes but the trunk has {len(model.order)}"
+        raise InputError(f"bone_path: {has}; make the path from the nodes of this trunk")
     if relaxer is None:
         relaxer = Relaxer(model, options.relax)
     elif relaxer.model is not model or relaxer.options != options.relax:
@@ -120,7 +123,7 @@ def simulate(
             "relaxer: is of another model or of other options; make one of this model, or leave it out"
         )
     user = relaxer.ownership.take()
-    predictor = Predictor(relaxer.state, bone_path)
+    predictor = Predictor(relaxer.state, bone_path, first)
     descent = ProjectedGradient(relaxer) if options.relax.method == "gradient" else None
 
     def advance(number: int) -> Increment:
@@ -202,16 +205,6 @@ def _in_float64(
     return continued(last, bone_path, relaxer, watch, confirm_inverted=confirm_inverted)
 
 
-def check_path(model: Model, bone_path: PrescribedPath) -> None:
-    """InputError where a path is not one of the model's nodes."""
-    shape = bone_path.at(1.0).shape
-    if shape != (len(model.order), 3):
-        raise InputError(
-            f"bone_path: has {shape[0]} nodes but the trunk has {len(model.order)}; "
-            "make the path from the nodes of this trunk"
-        )
-
-
 class Predictor:
     """Moves the trunk to where it is expected at the next load factor, from which it is relaxed.
 
@@ -220,10 +213,11 @@ class Predictor:
     relaxed it, so that the motion is smooth, by how that change itself has changed. The latter is a mean over
     increments: what solves leave open of soft motions would grow if each change were continued as it was."""
 
-    def __init__(self, state: State, bone_path: PrescribedPath) -> None:
-        """Records the extrapolation for a state that stands before surgery, and a path of the bones."""
+    def __init__(self, state: State, bone_path: PrescribedPath, first: np.ndarray) -> None:
+        """Records the extrapolation for a state that stands before surgery, a path of the bones, and its
+        displacement of all nodes at the first load factor."""
         model = state.model
-        self.state, self._path = state, bone_path
+        self.state, self._first = state, first
         self._bones = bone_path.of(model.order[model.prescribed])
         self._increments = self._steps = 0
         self._staged = 0.0
@@ -237,7 +231,7 @@ class Predictor:
     def move(self, load_factor: float) -> None:
         """Changes the state to the expected one."""
         if not self._increments:
-            self.state.set_displacement(self._path.at(load_factor))
+            self.state.set_displacement(self._first)
             return
         changes = self._increments - 1
         self._share.fill_(1.0 / changes if changes else 0.0)
