@@ -43,7 +43,10 @@ from warp_trunk.cohort.summary import errors
 from warp_trunk.io.surface_files import write_surface
 from warp_trunk.measures import measure
 from warp_trunk.measures.measures import measure_level
+from warp_trunk.measures.quantities import ACTUAL as ACTUAL_STATE
+from warp_trunk.measures.quantities import BEFORE as BEFORE_STATE
 from warp_trunk.measures.quantities import BETTER, EXACT, PREDICTED, QUANTITIES, WORSE, Measured
+from warp_trunk.recording.numbers import side_by_side
 from warp_trunk.results import read_result
 from warp_trunk.results.bands import Bands, BandSource, Effects, FoundBands
 from warp_trunk.results.summary_text import plain
@@ -181,6 +184,14 @@ def test_the_console_has_every_level_with_its_side(patient: Shown) -> None:
     for level in LEVELS:
         wanted = [patient.sided(shape.rotations[level]) for shape in STATES.values()]
         assert " ".join(rows[level]) == " ".join(wanted)
+    written = next(" ".join(words) for word, words in rows.items() if word == "Written")
+    assert {"summary.json,", "predicted_skin.ply,"} <= set(written.split())
+    result = read_result(patient.folder)
+    table = side_by_side(result.table, result.measures_before, (BEFORE_STATE, PREDICTED), 1.0)
+    assert "Actual" not in table
+    assert "Actual: the skin after" in side_by_side(
+        result.table, result.measures_before, (BEFORE_STATE, ACTUAL_STATE), 1.0
+    )
 
 
 def test_the_table_of_measures_has_the_known_numbers(
@@ -254,6 +265,8 @@ def test_the_picture_of_the_shoulders_shows_the_higher_one_on_its_side(patient: 
         for bar in (line for line in axes.lines if line.get_linewidth() == 2.2):
             across, _ = place(axes, float(np.mean(bar.get_xdata())), 0.0)
             heights[side_at(axes, across)] = float(bar.get_ydata()[0])
+            sides = {side_at(axes, place(axes, x, 0.0)[0]) for x in bar.get_xdata()}
+            assert len(sides) == 1  # from 0.6 to 0.8 of the way to one edge
         assert heights["right"] - heights["left"] == pytest.approx(
             patient.sign * shape.shoulder_difference, abs=0.1
         )

@@ -207,6 +207,8 @@ def test_make_case_names_the_levels_at_which_a_measured_curve_fades_out(
     assert f"{tmp_path / 'spine'} has no T1 to T3: the curve fades out there" in said
     assert (tmp_path / "out" / "case.toml").is_file()
     assert main(["make-case", *words, "--correction", "-0.5"]) == BAD_INPUT
+    assert main(["make-case", *words, "--correction", "1.0"]) == BAD_INPUT  # as the folder is a case by now
+    assert "case folder" in capsys.readouterr().err.splitlines()[-1]
 
 
 def test_the_demo_is_the_operation_that_it_says(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,17 +9,18 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import psutil
 import pytest
-from distributed import Client, LocalCluster
+from distributed import Client, KilledWorker, LocalCluster
 
 from support.cohort_cases import cohort_options, contents, turned_case, write_cohort_cases
 from warp_trunk.case import write_case
 from warp_trunk.cli import main
 from warp_trunk.cohort.one_case import JUDGED, LOG, do_case
-from warp_trunk.cohort.working import dask_client, work
+from warp_trunk.cohort.working import _lost, dask_client, work
 from warp_trunk.errors import InputError
 from warp_trunk.io.folders import LOCK
 from warp_trunk.run.progress import Progress
@@ -179,3 +180,10 @@ def test_without_the_extra_its_name_is_told(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(InputError, match=r"uv sync --extra cluster"), dask_client(1, None, "cpu"):
         pass
+
+
+def test_a_case_whose_worker_was_lost_has_a_row_with_the_reason() -> None:
+    row = _lost(Path("cases") / "a", MemoryError("none\nleft")).row
+    assert (row.folder, row.status, row.reason) == ("a", "FAILED", "MemoryError: none left")
+    last: Any = SimpleNamespace(address="b")
+    assert "use fewer workers or tetrahedra" in (_lost(Path("a"), KilledWorker("a", last, 3)).row.reason or "")

@@ -96,7 +96,9 @@ def test_the_section_and_the_bars_are_seen_whole(case: Case) -> None:
     panes = views(layout(case, before, actual=False, unit="J"))
     assert {"Section at T8", "Rotation of the back", "Energy [J]", "Summary"} <= panes.keys()
     origins = {"Rotation [°]": "/bsr", "Energy [J]": "/energy", "Error [log10 mm]": "/error", "Summary": "/table",
-               "Rotation by level": "/levels", "Report": "/summary"}  # fmt: skip
+               "Rotation by level": "/levels", "Report": "/summary", "Rotation of the back": "/bars"}  # fmt: skip
+    judged = views(layout(case, before, actual=True, unit="J"))
+    assert "Actual" in "".join(judged.keys() - panes.keys())  # a third trunk, of an actual skin alone
     assert {name: str(panes[name].origin) for name in origins} == origins
     bounds = shown(panes["Section at T8"], "VisualBounds")
     (low, high), (top, bottom) = ranges(bounds)

@@ -101,7 +101,7 @@ def test_another_patient_a_plan_given_twice_and_too_many_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"other: skin and landmarks before surgery must be those of .*one"):
         write_comparison([read_result(first_plan), read_result(other)])
     with pytest.raises(InputError, match="is given twice"):
-        write_comparison([read_result(first_plan)] * 2)
+        write_comparison([read_result(first_plan)] * 3)
     with pytest.raises(InputError, match="from 2 to 4 results"):
         write_comparison([read_result(first_plan)] * 5)
 

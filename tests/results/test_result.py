@@ -11,6 +11,7 @@ import meshio
 import numpy as np
 import pytest
 
+from support.asserting import refuses
 from support.known_patient import AFTER, BEFORE, known_case, known_increments
 from support.report_results import small_bands
 from support.small_trunk import made_up_increments, small_case
@@ -31,6 +32,7 @@ from warp_trunk.measures.body_part import ChestIndices
 from warp_trunk.measures.quantities import Measured
 from warp_trunk.meshing import predicted_skin
 from warp_trunk.results import RunAccount, read_result, read_summary, result_of
+from warp_trunk.results.bands import read_effects, read_skin_sd, write_skin_sd
 from warp_trunk.results.result import LEAST_SPACE, prepare_folder
 from warp_trunk.results.summary import write_summary
 from warp_trunk.results.summary_text import markdown, plain
@@ -294,3 +296,16 @@ def test_bands_are_the_predicted_numbers_with_intervals_and_the_status_is_one(si
     assert all(row.low is not None and row.high is not None and row.low < row.high for row in result.bands)
     assert result.status is result.summary.status is RelaxStatus.CONVERGED
     assert json.loads(json.dumps({"status": result.status})) == {"status": "CONVERGED"}
+
+
+def test_effects_and_deviations_that_are_no_whole_files_are_refused(tmp_path):
+    np.savez(tmp_path / "effects.npz", names=np.array(["a"]))
+    with refuses("cannot be read (", begins=tmp_path):
+        read_effects(tmp_path / "effects.npz", 1)
+    write_skin_sd(tmp_path / "sd.csv", np.array([0.25, 1.5]))
+    assert (tmp_path / "sd.csv").read_text(encoding="utf-8").split() == ["sd_mm", "0.2500", "1.5000"]
+    assert read_skin_sd(tmp_path / "sd.csv", 2).tolist() == [0.25, 1.5]
+    (tmp_path / "sd.csv").write_text("sd_mm\nnone\n", encoding="utf-8")
+    for count in (1, 2):
+        with refuses("must have one number for each of", begins=tmp_path):
+            read_skin_sd(tmp_path / "sd.csv", count)

@@ -75,6 +75,14 @@ def test_its_report_speaks_of_no_vertebra(front, tmp_path):
         assert word not in text
     assert {path.stem for path in (tmp_path / "report").glob("*.png")} >= {"first", "second", "sections", "error"}
     assert front.summary.has_spine is False
+    result = read_result(front.folder)
+    way = np.linalg.norm(result.skin.vertices - result.skin_before.vertices, axis=1)
+    most = result.skin_before.vertices[way.argmax()]
+    panels = {axes.get_title().rpartition(" at ")[2]: axes.get_xlabel() for axes in figures["sections"].axes}
+    assert panels == {
+        f"{axis} = {value:.0f} mm": "to the back [mm]" if axis == "x" else "to the patient's left [mm]"
+        for axis, value in zip("xyz", most, strict=True)
+    }
     for axes in figures["sections"].axes:
         lines = np.concatenate([path.vertices for drawn in axes.collections for path in drawn.get_paths()])
         for ends, values in zip((axes.get_xlim(), axes.get_ylim()), lines.T, strict=True):

@@ -9,6 +9,8 @@ from dataclasses import replace
 from functools import cache
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -226,6 +228,13 @@ def test_what_two_plans_share_does_not_blur_the_gain() -> None:
     sources = sources_of(trial.prediction)
     missed = [effect_of(source, trial.numbers[trial.level]) for source in sources if source.of_surgery]
     assert gain_sd(search, trial, trial) == pytest.approx(np.linalg.norm([*missed, *missed, met_sd]))
+    # of a plan that reads the landmarks before surgery twice as much, the difference is what it reads more
+    number = trial.numbers[trial.level]
+    double = replace(number, landmarks_before=2.0 * number.landmarks_before)
+    other: Any = SimpleNamespace(numbers={trial.level: double}, prediction=trial.prediction)
+    by_landmarks = met.uncertainty.landmark_sd * float(np.linalg.norm(number.landmarks_before))
+    twice = np.linalg.norm([*missed, *missed, met_sd, by_landmarks])
+    assert gain_sd(search, trial, other) == pytest.approx(twice)
 
 
 def test_bounds_at_which_no_spine_can_be_placed_are_refused() -> None:
