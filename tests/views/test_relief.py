@@ -1,6 +1,7 @@
 """Reliefs of the back and boxes of vertebrae, against shapes that are known."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -196,3 +197,33 @@ def test_angles_written_on_a_spine_are_those_of_the_table():
     figure = spine_picture([replace(state, table=table)], BEHIND, [()])
     angles = [text.get_text() for text in figure.axes[0].texts if text.get_text().endswith("°")]
     assert angles == ["77°"]
+
+
+def test_the_faces_of_vertebrae_that_are_seen_are_drawn_and_fused_ones_are_blue():
+    """An upright box shows its back alone from behind, its right side alone from the right, fully lit."""
+    spine, fused = known_spine(), ["T8", "T9"]
+    for view, face in ((BEHIND, FACES[3]), (RIGHT, FACES[5])):
+        drawn: Any = spine_picture([posed(BEFORE, spine)], view, [fused]).axes[0].collections[0]
+        middles = np.array([path.vertices[:4].mean(axis=0) for path in drawn.get_paths()])
+        for level, (corners, _) in vertebra_boxes(spine).items():
+            middle = seen_from(corners[list(face)].mean(axis=0)[None], spine, view)[0, [0, 2]]
+            red, _, blue, _ = drawn.get_facecolor()[np.abs(middles - middle).sum(axis=1).argmin()]
+            assert (blue > red) == (level in fused), level
+            assert max(red, blue) > 0.9, level
+
+
+def test_cloth_before_the_skin_hides_its_values(landmarks):
+    """The left half wears shorts up to 200 mm and a shirt above them, 10 mm behind its skin."""
+    skin = sheet(lambda x, z: 50.0 + 0.0 * x)
+    seen = Window(np.arange(105.0, -106.0, -10.0), np.arange(395.0, 9.0, -10.0), 10.0)
+
+    def cloth(left, low, high):
+        right = left - 120.0
+        corners = np.array([[left, 60.0, low], [left, 60.0, high], [right, 60.0, high], [right, 60.0, low]])
+        return Surface(corners, np.array([[0, 2, 1], [0, 3, 2]], dtype=np.int32))
+
+    back = relief(skin, landmarks, seen, cloth=(cloth(120.0, 0.0, 200.0), cloth(120.0, 200.0, 420.0)))
+    left, low = seen.x > 0.0, seen.z[:, None] < 200.0
+    np.testing.assert_array_equal(back.cloth, np.where(left, np.where(low, 1, 2), 0))
+    values = back.values(np.ones(len(skin.vertices)))
+    np.testing.assert_allclose(values, np.where(left, np.nan, 1.0) * np.ones((len(seen.z), 1)))
