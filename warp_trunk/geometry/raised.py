@@ -35,7 +35,7 @@ _ROUNDS = 3
 _CLOSED = 3
 """Gaps in it narrower than twice as many cells are of it."""
 _WIDER = 1
-"""What creases cut to pieces and is wider than twice as many cells may be of what stands beside it, as a hand."""
+"""A piece between creases that is wider than twice as many cells may be of what stands beside it, as a hand."""
 _FOOT = 12.0
 """The foot of what is raised may lie this far beyond its crease [mm]."""
 
