@@ -41,6 +41,22 @@ def near_the_end() -> Run:
     return run
 
 
+def test_the_projected_hessian_leads_to_where_the_true_one_takes_over() -> None:
+    run = Run(0.1, confirm=True)
+    assert (run.plan().true, run.plan().grids) == (False, True)  # the grids follow the first Hessian
+    assert run.after_solve(run.plan(), solved(5.0)) is Action.SEARCH
+    assert not run.plan().grids
+    assert run.estimate.distance == pytest.approx(10.0)  # the first step is assumed to leave two thirds
+    run.after_search(1.0)
+    assert run.after_solve(run.plan(), solved(0.2)) is Action.SEARCH
+    assert run.estimate.distance == pytest.approx(0.2 * 9.0)  # the gradient has not fallen at all
+    run.after_search(1.0)
+    assert run.after_solve(run.plan(), solved(0.02, norm=0.1)) is Action.SEARCH
+    assert run.estimate.distance == pytest.approx(0.02)
+    run.after_search(1.0)
+    assert (run.plan().true, run.plan().fresh, run.plan().grids) == (True, True, False)
+
+
 def test_on_the_way_a_claim_needs_a_solve_that_ended() -> None:
     for outcome, is_solved in (
         (Outcome.SOLVED, True),

@@ -72,3 +72,30 @@ def test_curvature_is_that_of_the_whole_matrix(true: bool) -> None:
     along = np.random.default_rng(3).normal(size=(work.state.model.free_nodes, 3))
     wanted = along.ravel() @ (on_host(work.matrix) @ along.ravel())
     assert work.curvature(along) == pytest.approx(wanted, rel=1e-10)
+
+
+def test_an_assembly_that_is_interrupted_leaves_no_hessian_that_holds() -> None:
+    work = work_at(10.0)
+    work.assemble(true=False)
+
+    def interrupted() -> None:
+        work.matrix.assemble_true()
+        raise KeyboardInterrupt
+
+    work._assemble_true = interrupted
+    with pytest.raises(KeyboardInterrupt):
+        work.assemble(true=True)
+    assert not work.matrix_state.holds(False, None)
+    work.assemble(true=False, fresh=False)
+    np.testing.assert_array_equal(work.matrix.blocks.numpy(), hessian(work, true=False))
+
+
+def test_grids_that_follow_a_hessian_are_those_at_rest_in_the_next_relaxation() -> None:
+    work = work_at(25.0)
+    rest = work.preconditioner._grids.numpy().copy()
+    work.assemble(true=False, grids=True)
+    assert work.matrix_state.grids_follow
+    assert not np.array_equal(work.preconditioner._grids.numpy(), rest)
+    move(work, 10.0)
+    assert not work.matrix_state.grids_follow
+    np.testing.assert_array_equal(work.preconditioner._grids.numpy(), rest)
