@@ -24,6 +24,7 @@ from trunks import read_trunk, trunks_in
 
 from warp_trunk import Execution, InputError, RunOptions, SpineCurve, Surface, make_case
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_surgery
+from warp_trunk.bone_motion.plan.targets import curve_around
 from warp_trunk.case import Case
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.landmarks import Landmarks
@@ -133,26 +134,30 @@ class Change:
     before: TrunkMeasures
     after: TrunkMeasures
 
-    @property
-    def table(self) -> MeasureTable:
-        """Its numbers in the states before and after."""
-        return MeasureTable.of({BEFORE: self.before, AFTER: self.after})
+    apex: str
+    """Of the curve that the cohort is named by, the main one."""
 
-    def of(self, quantity: str, level: str | None = None, *, main: bool = False) -> np.ndarray:
-        """A number before and after, shape (2,); that of the largest curve where it is one of a curve."""
-        if main:
-            curve = max(self.before.cobb, key=lambda curve: curve.angle)
-            level = curve.ends if quantity == "cobb_deg" else curve.apex
-        table = self.table
-        place = table.place(quantity) if level is None else level
-        values = [table.value(state, quantity, place or "") for state in (BEFORE, AFTER)]
-        return np.array([math.nan if value is None else value for value in values])
+    @property
+    def main(self) -> CobbAngle:
+        """The main curve before surgery."""
+        curve = curve_around(self.apex, self.before.cobb, self.before.spine.levels)
+        if curve is None:
+            raise SystemExit(f"no curve of 10 degrees around {self.apex}")
+        return curve
 
     @property
     def lumbar(self) -> CobbAngle:
-        """The curve below the largest before surgery."""
-        curves = self.before.cobb
-        return curves[curves.index(max(curves, key=lambda curve: curve.angle)) + 1]
+        """The curve below the main one before surgery."""
+        return self.before.cobb[self.before.cobb.index(self.main) + 1]
+
+    def of(self, quantity: str, level: str | None = None, *, main: bool = False) -> np.ndarray:
+        """A number before and after, shape (2,); that of the main curve where it is one of a curve."""
+        if main:
+            level = self.main.ends if quantity == "cobb_deg" else self.main.apex
+        table = MeasureTable.of({BEFORE: self.before, AFTER: self.after})
+        place = table.place(quantity) if level is None else level
+        values = [table.value(state, quantity, place or "") for state in (BEFORE, AFTER)]
+        return np.array([math.nan if value is None else value for value in values])
 
     @property
     def lateral(self) -> np.ndarray:
@@ -215,6 +220,11 @@ class Patient:
     before: Landmarks
     after: Landmarks
     """As planned."""
+
+    @property
+    def apex(self) -> str:
+        """That of the planned curve."""
+        return self.plan.curves[0].apex
 
     @property
     def words(self) -> str:
@@ -288,7 +298,7 @@ def top_of(trunk: Trunk, curve: SpineCurve) -> float:
 
 def planned(patients: Sequence[Patient]) -> list[Change]:
     """The spines of patients before and after."""
-    return [Change(measure_spine(each.before), measure_spine(each.after)) for each in patients]
+    return [Change(measure_spine(each.before), measure_spine(each.after), each.apex) for each in patients]
 
 
 def simulated(name: str, patients: Sequence[Patient], options: Options) -> list[Change]:
@@ -298,10 +308,11 @@ def simulated(name: str, patients: Sequence[Patient], options: Options) -> list[
     for (_, patient), end in zip(tasks, in_processes(simulation_of, tasks, options, options.jobs), strict=True):
         if end is not None and str(end["status"]) == RelaxStatus.CONVERGED.name:
             names = patient.before.names
-            changes.append(Change(*(
+            states = (
                 measure(Surface(end[f"skin_{state}"], end["faces"]), Landmarks(names, end[f"landmarks_{state}"]))
                 for state in (BEFORE, AFTER)
-            )))  # fmt: skip
+            )
+            changes.append(Change(*states, patient.apex))
     return changes
 
 
