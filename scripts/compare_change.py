@@ -563,7 +563,7 @@ def rows_of(cohorts: Cohorts) -> list[Row]:
             for name, (read, _, _, _, r, error) in ratios.items()
         ), "Before surgery. The thoracic curves above scatter by 0.13, a deviation of other curves; without the "
            "three that are nearly as large as the lumbar one r is -0.63 and -0.23 with the ratios of angle and "
-           "depth, and with the mean shape for all -0.77 and -0.35. Five bodies without errors of measurement [2]"),
+           "depth, and with the mean shape for all -0.77 and -0.35. Five bodies without errors of measuring [2]"),
         Row("1A / 1B / 1C, fused to T12", "20", (
             *(Part(f"lumbar Cobb {name}", f"{change:.0f} %", change, 10.0, _lumbar_part(selective[name]))
               for name, change in (("1A", -54.0), ("1B", -41.0), ("1C", -21.0))),
