@@ -63,8 +63,8 @@ def test_a_library_that_asks_for_too_much_is_stopped_and_the_limit_taken_back():
 
 
 def test_numbers_and_names_are_what_they_look_like():
-    assert parsed_number("-1.5e2") == -150.0
-    for text in ("1_000", "", "0x10", "1,5"):
+    assert parsed_number("-1.5e2") == parsed_number("-1,5e2") == -150.0
+    for text in ("1_000", "", "0x10", "1,000.5", "1,2,3"):
         with pytest.raises(ValueError, match="a number was expected, not"):
             parsed_number(text)
     for text in ("-nan(ind)", "1.#QNAN", "-1.#IND", "nan", "1.#INF"):  # as Windows writes them, too

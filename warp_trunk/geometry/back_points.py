@@ -100,13 +100,17 @@ def find_back(points: np.ndarray, line: np.ndarray, across: np.ndarray, what: st
     thin = in_cubes(points)[0]
     if len(thin) < FEWEST_SEEN:
         places = f"its {len(points)} points lie in {len(thin)} places {SPACING:g} mm apart"
-        raise InputError(f"{what}: {places}, and a back needs {FEWEST_SEEN}; give x, y and z in mm")
+        raise InputError(f"{what}: {places}, and a back needs {FEWEST_SEEN}; give x, y and z in mm, or --units")
     seen = _from_behind(thin, across)
     to_line = seen - _line_at(line, across, thin[:, 2])
     usual = _usual_distance(thin)
     own = (np.abs(to_line[:, :2]) < WINDOW).all(axis=1)
     own &= ~_on_planes(thin, to_line)
     own[own] = _hangs_together(thin[own], to_line[own], max(LINK, 3.0 * usual), what)
+    if own.sum() < FEWEST_SEEN:
+        raise InputError(
+            f"{what}: {own.sum()} points hang together behind the spine, and a back needs {FEWEST_SEEN}"
+        )
     own[own] = ~_loose(thin[own])
     skin, surroundings = thin[own], thin[~own]
     behind = _hidden(seen[own], max(6.0, 2.5 * usual))

@@ -117,14 +117,15 @@ def reason(error: BaseException) -> str:
 
 
 def parsed_number(text: str) -> float:
-    """A number as files write it, NaN also as Windows writes it; float() would take 1_000 for a thousand.
+    """A number as files write it, also with a decimal comma, and NaN also as Windows writes it; float() would take
+    1_000 for a thousand.
 
     Raises:
         FormatError: the text is none.
     """
     try:
         if "_" not in text:
-            return float(text)
+            return float(text.replace(",", ".", 1))
     except ValueError:
         if _WINDOWS_NAN.fullmatch(text):
             return float("nan")

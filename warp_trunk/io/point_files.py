@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import csv
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -93,15 +93,14 @@ def _table(content: bytes) -> np.ndarray:
     titles = [line for line in lines[: lines.index(rows[0])] if line[0] in "#/"] if rows else []
     if first is not None:
         titles, rows = [*titles, first], rows[1:]
-    split = _splitter(rows)
-    table = [split(row) for row in rows]
+    mark = _mark(rows)
+    table = [_cells(row, mark) for row in rows]
     table = [row for row in table if not (len(row) == 1 and row[0].isdigit())]  # a PTS begins with a count
     if not table:
         raise FormatError("it holds no points")
-    columns = _columns([_words(_UNIT.sub("", line.strip("#/ ")), _ANY) for line in titles])
-    short = next(
-        (parsed_number for parsed_number, row in enumerate(table, start=1) if len(row) <= max(columns)), None
-    )
+    titles = [_UNIT.sub("", line.strip("#/ ")) for line in titles]
+    columns = _columns([_cells(line, mark) if mark and mark in line else _ANY.split(line) for line in titles])
+    short = next((number for number, row in enumerate(table, start=1) if len(row) <= max(columns)), None)
     if short:
         raise FormatError(f"row {short} has fewer than three numbers, or lacks x, y or z")
     return np.array([[parsed_number(row[column]) for column in columns] for row in table])
@@ -114,33 +113,26 @@ _UNIT = re.compile(r"[\[(][^\])]*[\])]|_mm\b", re.IGNORECASE)
 """The unit of a column in its title."""
 _OF_PARAVIEW = {f"points{mark}{number}": axis for mark in ":_" for number, axis in enumerate("xyz")}
 """The columns of a table that ParaView exports."""
-_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?|[-+]?\d+")
-"""A number as languages with decimal commas write it."""
+_BLANKS = re.compile(r"\d\s+[-+.]?\d")
 
 
-def _words(line: str, split: re.Pattern[str]) -> list[str]:
-    return [word for word in split.split(line) if word]
-
-
-def _splitter(rows: list[str]) -> Callable[[str], list[str]]:
-    """How the rows of a table are split into numbers that `number` reads.
-
-    Commas are decimal where semicolons, tabs or blanks split a row into three or more numbers with commas in them.
-    """
+def _mark(rows: list[str]) -> str | None:
+    """The mark that splits the rows of a table: a semicolon, a tab or a comma; None for blanks."""
     some = rows[:: max(1, len(rows) // 100)]
-    split = re.compile(r"\s*;\s*" if any(";" in row for row in some) else r"\s+")
-    words = [_words(row, split) for row in some]
-    commas = any("," in word for row in words for word in row)
-    whole = all(len(row) >= 3 and all(_DECIMAL_COMMA.fullmatch(word) for word in row) for row in words)
-    if commas and whole:
-        return lambda row: [word.replace(",", ".") for word in _words(row, split)]
-    return lambda row: _words(row, _ANY)
+    mark = next((mark for mark in ";\t" if any(mark in row for row in some)), None)
+    return mark or (None if any(_BLANKS.search(row) for row in some) else ",")
+
+
+def _cells(row: str, mark: str | None) -> list[str]:
+    if mark is None:
+        return [word.strip(",") for word in row.split()]
+    return [cell.strip() for cell in next(csv.reader([row], delimiter=mark, skipinitialspace=True))]
 
 
 def _columns(titles: list[list[str]]) -> tuple[int, int, int]:
     """The columns of x, y and z; the first three where no line of titles names one of them."""
     for words in titles:
-        names = [word.strip("\"'").lower() for word in words]
+        names = [word.lower() for word in words]
         names = [_OF_PARAVIEW.get(name, name) for name in names]
         at = [names.index(axis) if names.count(axis) == 1 else -1 for axis in "xyz"]
         if min(at) >= 0:

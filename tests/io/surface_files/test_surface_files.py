@@ -103,6 +103,29 @@ def test_a_ply_may_hold_polygons_of_several_sizes_and_more(tmp_path, order):
     assert_same(read_surface(tmp_path / "a.ply"), PYRAMID)
 
 
+@pytest.mark.parametrize("ending", ["obj", "stl", "ply"])
+def test_text_with_decimal_commas_is_read(tmp_path, ending):
+    """As programs write it where commas are decimal; the list of a PLY's faces has a name of theirs, too."""
+    corners = PYRAMID.vertices[PYRAMID.faces].reshape(-1, 3)
+    rows = [" ".join(f"{x:.3f}".replace(".", ",") for x in corner) for corner in corners]
+    faces = np.arange(len(rows)).reshape(-1, 3)
+    header = (
+        f"ply\nformat ascii 1.0\nelement vertex {len(rows)}\nproperty float x\nproperty float y\n"
+        f"property float z\nelement face {len(faces)}\nproperty list uchar int vertexIndices\nend_header\n"
+    )
+    facets = ["\n".join(f"vertex {row}" for row in rows[k : k + 3]) for k in range(0, len(rows), 3)]
+    text = {
+        "obj": "".join(f"v {row}\n" for row in rows)
+        + "".join(f"f {a} {b} {c}\n" for a, b, c in faces - len(rows)),
+        "stl": "solid x\n"
+        + "".join(f"facet normal 0,0 0 1,0\nouter loop\n{facet}\nendloop\nendfacet\n" for facet in facets)
+        + "endsolid x\n",
+        "ply": header + "\n".join(rows) + "".join(f"\n3 {a} {b} {c}" for a, b, c in faces) + "\n",
+    }
+    (tmp_path / f"skin.{ending}").write_text(text[ending], encoding="utf-8")
+    assert_same_triangles(read_surface(tmp_path / f"skin.{ending}"))
+
+
 def glb(scene: dict) -> bytes:
     text = json.dumps(scene).encode()
     text += b" " * (-len(text) % 4)

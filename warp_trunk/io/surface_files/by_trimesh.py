@@ -41,6 +41,8 @@ def read_stl(content: bytes) -> tuple[np.ndarray, np.ndarray]:
         raise FormatError("facets without three vertices; the file is cut off or damaged")
     if text and b"endsolid" not in text[text.rfind(b"endfacet") :]:
         raise FormatError("there is no 'endsolid'; the file is cut off")
+    if text and re.search(rb"\d,\d", text):  # decimal commas
+        content = content.replace(b",", b".")
     return _load(content, "stl")
 
 

@@ -63,7 +63,7 @@ def read_ply(content: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]
     vertex, face = columns.get("vertex", {}), columns.get("face", {})
     if not face:
         raise FormatError("it holds points without triangles; make a surface of them, or give it to fit-back")
-    corners = next((face[name] for name in ("vertex_indices", "vertex_index") if name in face), None)
+    corners = next((face[name] for name in face if re.fullmatch(r"vert\w*_?ind\w*", name, re.IGNORECASE)), None)
     if corners is None or not {"x", "y", "z"} <= vertex.keys():
         raise FormatError("vertices with x, y and z and faces with vertex_indices were expected")
     odd = corners[0][~((corners[0] == np.rint(corners[0])) & (np.abs(corners[0]) < 2**31))]
