@@ -33,6 +33,7 @@ from support.known_patient import (
 )
 from support.known_spine import LEVELS
 from support.rrd import column
+from support.shown import check_shown, report_lines
 from support.small_trunk import measured, start_recording
 from warp_trunk.case.case import Study
 from warp_trunk.case.layers import Layers
@@ -417,7 +418,7 @@ def test_the_recording_has_every_level_and_its_section_is_turned_as_its_words_sa
     assert np.allclose(MIRROR * own.skin.vertices, case.skin.vertices)
 
 
-def test_plans_side_by_side_have_their_own_numbers(both: tuple[Shown, Shown], tmp_path: Path) -> None:
+def test_plans_side_by_side_have_their_own_numbers_as_accepted(both: tuple[Shown, Shown], tmp_path: Path) -> None:
     """Plan A is hers, plan B changes nothing; A is better for the curve and worse for the lower back."""
     nothing = write_known_result(tmp_path / "nothing", BEFORE)
     with drawn_figures() as figures:
@@ -430,6 +431,7 @@ def test_plans_side_by_side_have_their_own_numbers(both: tuple[Shown, Shown], tm
     lines = {str(line.get_label()): line.get_xdata() for line in axes.lines}
     np.testing.assert_allclose(lines["plan A"], [*AFTER.rotations.values()], atol=0.05)
     np.testing.assert_allclose(lines["plan B"], [*BEFORE.rotations.values()], atol=0.05)
+    check_shown("plans", report_lines(page, figures))
 
 
 SD = 1.5
@@ -583,6 +585,12 @@ def test_lines_of_depth_lie_on_the_back_that_faces_behind(patient: Shown) -> Non
         assert sum(lengths) > 500
 
 
+def test_a_report_with_intervals_is_as_accepted(sure: Shown) -> None:
+    if sure.sign > 0.0:  # other tests show that the mirror image differs by its sides alone
+        check_shown("report_with_intervals", report_lines(sure.page, sure.figures))
+        check_shown("result", plain(read_result(sure.folder)).replace(str(sure.folder), "FOLDER").splitlines())
+
+
 def test_sources_of_error_stand_with_their_numbers(sure: Shown) -> None:
     assert sure.page.rows["landmarks"] == ["2 mm", "1.4", "0.7", "a film"]
 
@@ -606,6 +614,10 @@ def judged(tmp_path_factory: pytest.TempPathFactory) -> Shown:
     with drawn_figures() as figures:
         assert main(["report", str(folder)]) == 0
     return Shown(folder, 1.0, Page((folder / "report.html").read_text(encoding="utf-8")), figures)
+
+
+def test_a_report_beside_the_actual_back_is_as_accepted(judged: Shown) -> None:
+    check_shown("report", report_lines(judged.page, judged.figures))
 
 
 def test_the_actual_back_stands_beside_the_prediction_with_its_error(judged: Shown) -> None:

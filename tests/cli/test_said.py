@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 import warp_trunk.cli.simulate as simulate_command
+from support.known_patient import ACTUAL, known_case, write_known_result
+from support.shown import check_shown
 from support.small_case import part_case
 from support.synthetic import sphere
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
@@ -237,3 +239,24 @@ def test_triangles_that_cross_are_written_where_the_result_would_be(tmp_path: Pa
     with crossing, crossings_written(tmp_path / "not" / "yet"):
         raise CrossingError("they cross", surface, np.array([[0, 1]]))
     assert len(read_surface(tmp_path / "not" / "yet" / "crossings.ply").faces) == 2
+
+
+def test_what_is_printed_for_the_known_patient_is_as_accepted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case = known_case(actual=ACTUAL)[0]
+    assert case.actual_skin is not None
+    write_surface(tmp_path / "actual.ply", case.actual_skin)
+    write_known_result(tmp_path / "result")
+    result, lines = str(tmp_path / "result"), list[str]()
+    for words in (
+        ["measure", result, "--against", str(tmp_path / "actual.ply"), "--out", str(tmp_path / "table")],
+        ["export", result, "--out", str(tmp_path / "mesh.vtu")],
+        ["export", result, "--out", str(tmp_path / "skin.glb")],
+        ["report", result],
+        ["view", result],
+    ):
+        status, said = main(words), capsys.readouterr()
+        for title, text in (("ends", str(status)), ("prints", said.out), ("warns", said.err)):
+            lines += [f"== {words[0]} {title}", *text.replace(str(tmp_path), "FOLDER").splitlines()]
+    check_shown("console", (line for line in lines if not re.search(r": [\d.]+ s$", line)))

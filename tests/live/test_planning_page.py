@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,14 +16,17 @@ from support.asserting import not_none
 from support.drawn import Page as Table
 from support.known_patient import AFTER, BEFORE, exchange_sides, known_case
 from support.known_spine import LEVELS
+from support.shown import check_shown, scene_lines
 from support.small_trunk import APEX, small_patient
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, PlannedSurgery, plan_surgery
+from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.live.number_table import numbers_html
 from warp_trunk.live.page_scene import BONE, FUSED, SIDES
 from warp_trunk.live.planning_page import NOTHING, Page
 from warp_trunk.live.session import PlanView
 from warp_trunk.live.sliders import SpineSliders
 from warp_trunk.measures import measure
+from warp_trunk.measures.quantities import PREDICTED, Measured
 from warp_trunk.recording.viewer import free_port
 
 WAIT = 60.0
@@ -216,3 +220,25 @@ def test_the_numbers_beside_the_sliders_are_those_of_the_construction(mirrored: 
     }.items():
         (shown,) = (row for name, row in rows.items() if name.startswith(title))
         assert shown == [side(cell) for cell in cells], title
+
+
+def test_the_page_with_a_plan_is_as_accepted(tmp_path: Path) -> None:
+    own, mesh, displacement = known_case()
+    case = replace(own, unseen=(own.skin.vertices[:, 1] < 0.0).astype(np.float64))
+    skin = case.skin.moved((mesh.nodes + displacement)[mesh.skin_nodes])
+    plan = Plan(uiv="T4", liv="T12", curves=(CurvePlan(apex="T8", correction=0.5),))
+    surgery = replace(plan_surgery(case, plan), landmarks_after=case.planned_landmarks)
+    view = PlanView(
+        1, {}, surgery, {"T8": RigidMotion.exp(np.array([0.0, 0.0, 0.1, 1.0, 2.0, 3.0]))}, skin.vertices, 0.05,
+        ("Look here.",), relaxed=True, settled=True, measures=measure(skin, case.planned_landmarks, case.skin),
+        intervals=(Measured(PREDICTED, "T8", "bsr_deg", 7.3, 4.0, 10.0),),
+    )  # fmt: skip
+    page = Page(replace(small_patient(), case=case), SpineSliders(case, plan), tmp_path, free_port())
+    try:
+        shown = ["==== before a plan", *scene_lines(page.server)]
+        page.session.view = view
+        page._show()
+        shown += ["==== with a plan", *scene_lines(page.server), numbers_html(case, page.session.before, view)]
+    finally:
+        page.server.stop()
+    check_shown("planning_page", shown)

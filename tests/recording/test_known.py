@@ -10,6 +10,7 @@ import rerun as rr
 
 from support.known_patient import ACTUAL, AFTER, BEFORE, known_case, known_increments
 from support.rrd import column
+from support.shown import check_shown, recording_lines
 from support.small_trunk import made_up_increments, measured, start_recording
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_text
 from warp_trunk.case import Case
@@ -57,6 +58,10 @@ def colours_of(path: Path, entity: str, component: str = "colors") -> list[tuple
     """Red, green and blue of an entity's first colours."""
     (packed, *_) = column(path, entity, component).values()
     return [(int(value) >> 24, int(value) >> 16 & 255, int(value) >> 8 & 255) for value in np.atleast_1d(packed)]
+
+
+def test_the_recording_is_as_accepted(recorded: tuple[Path, Case]) -> None:
+    check_shown("recording", recording_lines(recorded[0]))
 
 
 def test_joined_vertebrae_are_blue_from_surgery_on(recorded: tuple[Path, Case]) -> None:

@@ -9,12 +9,13 @@ from matplotlib.colors import to_hex
 
 from support.drawn import drawn_figures, pixels, side_at
 from support.known_patient import known_case
+from support.shown import check_shown, figure_lines
 from warp_trunk.report.scan_pictures import fit_picture, scan_picture
 from warp_trunk.report.style import FAINT
 from warp_trunk.views.relief import BEHIND, LEFT, seen_from
 
 
-def test_each_side_has_its_points_and_what_is_invented_is_grey() -> None:
+def test_each_side_has_its_points_and_what_is_invented_is_grey_as_accepted() -> None:
     """Her right half was scanned; two points on her left were left out."""
     case = known_case()[0]
     marks, x = case.landmarks_before, case.skin.vertices[:, 0]
@@ -50,6 +51,7 @@ def test_each_side_has_its_points_and_what_is_invented_is_grey() -> None:
     assert ticks.tolist() == pytest.approx([0.0, 0.25, 0.5, 1.0, 1.5, 3.0])
     words = [text.get_text() for text in figure.texts]
     assert words == ["grey: invented (50 % of the skin)", "2 points left out"]
+    check_shown("fit", figure_lines("fit", figure))
 
 
 def test_parts_of_a_scan_have_their_colours_and_levels_their_lines() -> None:

@@ -7,6 +7,7 @@ import pytest
 
 from support.drawn import drawn_figures, place
 from support.known_patient import BEFORE
+from support.shown import check_shown, figure_lines
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.preparation.landmark_finder import FoundLandmarks
@@ -33,6 +34,10 @@ def drawn() -> tuple[Any, Landmarks]:
         landmark_picture(bones, FoundLandmarks(marks_of_two, {}, {"T9": "its pedicles are joined"}))
     (figure,) = figures.values()
     return figure, marks_of_two
+
+
+def test_the_picture_is_as_accepted(drawn: tuple[Any, Landmarks]) -> None:
+    check_shown("landmarks", figure_lines("landmarks", drawn[0]))
 
 
 def test_each_landmark_is_marked_once_with_its_kind_at_its_place(drawn: tuple[Any, Landmarks]) -> None:
