@@ -1,7 +1,8 @@
 """Outputs as lines of text, compared with the text that a person read and accepted.
 
-A text of tests/shown holds every word of a picture, a recording or a page, every short array, and of long arrays the
-size, the ends, the range and the mean. Who changes an output reads the difference and, if it is right, accepts it by `WARP_TRUNK_ACCEPT=1 pytest -k as_accepted`.
+A text of tests/shown holds every word of a picture, a recording or a page, every short array, and of long arrays
+the size, the ends, the range and the mean. Who changes an output reads the difference and, if it is right, accepts
+it by `WARP_TRUNK_ACCEPT=1 pytest -k as_accepted`.
 """
 
 import difflib
