@@ -22,6 +22,7 @@ import pytest
 import warp_trunk.cli.cohort as cohort_command
 import warp_trunk.cli.plan as plan_command
 import warp_trunk.cli.simulate as simulate_command
+import warp_trunk.recording as recording
 from support.phantoms import coarse_phantom
 from warp_trunk.case import read_checked_case, write_case
 from warp_trunk.case.landmarks import Landmarks
@@ -191,9 +192,10 @@ ANSWERS: dict[Any, dict[str, Any]] = {
         "_read_spine": POINTS, "read_landmarks": MARKS, "measure_back": END,
     },
     result: {
-        "view_result": 0, "refuse_case": None, "check_place": None, "read_result": RESULT, "skin_glb": b"",
+        "refuse_case": None, "check_place": None, "read_result": RESULT, "skin_glb": b"",
         "write_whole": None,
     },
+    recording: {"view_result": 0},
     writing: {"write_report": Path("report.html"), "write_comparison": Path("plans.html")},
     doctor: {"examine": []},
     phantom: {"phantom_case": "phantom"},

@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from rerun.chunk import RrdReader
 
 from support.drawn import Page
+from warp_trunk.results.summary import PACKAGES
 
 TEXTS = Path(__file__).parents[1] / "shown"
 SHORT = 24
@@ -120,8 +121,7 @@ def figure_lines(name: str, figure: Figure) -> Iterator[str]:
     yield f"== {name}: {described(figure.get_size_inches())} inches"
     yield from _drawn(figure.texts)
     for axes in figure.axes:
-        box, limits = np.array(axes.get_position().bounds), [axes.get_xlim(), axes.get_ylim()]
-        yield f"-- axes {described(box)}, limits {described(limits)}, {axes.get_aspect()}"
+        yield f"-- axes {described([axes.get_xlim(), axes.get_ylim()])}, aspect {axes.get_aspect()}"
         yield from (
             f"label {title!r}" for title in (axes.get_title(), axes.get_xlabel(), axes.get_ylabel()) if title
         )
@@ -167,8 +167,9 @@ def _label(part: artist.Artist) -> str:
 
 def page_lines(page: Page) -> Iterator[str]:
     """The sentences of a page and the rows of its tables."""
-    yield from page.words.split(". ")
-    yield from (" | ".join([title, *cells]) for title, cells in page.rows.items())
+    yield from re.sub("Versions .* Seconds", "Versions, and Seconds", page.words).split(". ")
+    rows = (" | ".join([title, *cells]) for title, cells in page.rows.items() if title not in PACKAGES)
+    yield from (row for row in rows if not row.startswith(("python |", "platform |")))
 
 
 def report_lines(page: Page, figures: dict[str, Figure]) -> Iterator[str]:
