@@ -3,6 +3,7 @@
     python scripts/benchmark.py prepare CASE --tets 225000 --out problem.npz      mesh and truth, in one file
     python scripts/benchmark.py run problem.npz --out benchmark.json              error against time
     python scripts/benchmark.py table benchmark.json                              Markdown, or --page PAGE
+    python scripts/benchmark.py scenes problem.npz                                what each part of a scene costs
     python scripts/benchmark.py scale CASE --tets 150000 225000 500000            growth with the mesh
 
 `phantom` stands for the built-in phantom instead of a case folder. All but `prepare`, and `scale` of a case,
@@ -18,7 +19,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
-from benchmarking import curves, outside, scaling, tables
+from benchmarking import curves, outside, scaling, scenes, tables
 from benchmarking.prepare import as_simulated, load_case, mesh_case
 from benchmarking.problem import Problem, read_problem, solve_truth, write_problem
 from benchmarking.process import be_quiet, empty_kernel_cache, fresh
@@ -129,15 +130,23 @@ def print_table(records: Sequence[Record]) -> None:
     print(f"\n{tables.short_table(records)}")
 
 
+def scene_costs(options: argparse.Namespace) -> None:
+    """Prints the table of what each part of a scene costs."""
+    print(scenes.scenes_table(read_problem(options.problem), _setting(options)))
+
+
 def scale(options: argparse.Namespace) -> None:
     """Prints the tables of mesh sizes and of increments."""
-    choose_device(options.device)
-    threads = options.threads if options.device == "cpu" else 1
-    setting = Setting(method="newton", threads=threads, precision=options.precision, device=options.device)
-    measured = scaling.sizes(options.what, options.tets, setting)
+    measured = scaling.sizes(options.what, options.tets, _setting(options))
     for name, group in itertools.groupby(measured, key=lambda size: size.name):
         print(f"\n{name}, {options.device}, {options.precision}\n")
         print(scaling.size_table(list(group)))
+
+
+def _setting(options: argparse.Namespace) -> Setting:
+    choose_device(options.device)
+    threads = options.threads if options.device == "cpu" else 1
+    return Setting(method="newton", threads=threads, precision=options.precision, device=options.device)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -173,13 +182,13 @@ def _parser() -> argparse.ArgumentParser:
     option = add("table", table, "print the table of run again", "records", "a file made by run")
     option("--page", type=Path, help="write it between its two marks in this page")
 
-    option = add(
-        "scale", scale, "growth with the mesh", "what", f"a case folder, phantom, or {problem}", nargs="+"
-    )
-    option("--tets", nargs="+", type=int, default=[150_000, 225_000, 500_000, 1_000_000])
-    option("--device", default="cpu", help="cpu or cuda:0 (default %(default)s)")
-    option("--threads", type=int, default=2, help="CPU threads (default %(default)s)")
-    option("--precision", choices=PRECISIONS, default="float32")
+    scene = add("scenes", scene_costs, "what each part of a scene costs", "problem", problem)
+    size = add("scale", scale, "growth with the mesh", "what", f"a case folder, phantom, or {problem}", nargs="+")
+    size("--tets", nargs="+", type=int, default=[150_000, 225_000, 500_000, 1_000_000])
+    for option in (scene, size):
+        option("--device", default="cpu", help="cpu or cuda:0 (default %(default)s)")
+        option("--threads", type=int, default=2, help="CPU threads (default %(default)s)")
+        option("--precision", choices=PRECISIONS, default="float32")
     return parser
 
 

@@ -59,11 +59,9 @@ def plain_report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def compared_report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report of a result with an actual skin, turned 3 degrees further, and without the level T8."""
     folder = write_small_result(tmp_path_factory.mktemp("compared"), turn_more=3.0, without="T8")
-    from support.drawn import drawn_figures  # brings matplotlib, which few tests need
-    from warp_trunk.report.writing import write_report
+    from warp_trunk.report.writing import write_report  # brings matplotlib, which few tests need
 
-    with drawn_figures():
-        return write_report(read_result(folder))
+    return write_report(read_result(folder))
 
 
 @pytest.fixture

@@ -148,6 +148,11 @@ def test_a_hand_on_or_behind_the_back_turns_no_level(at, true_rotations):
     assert np.isfinite(errors(back, true_rotations)).sum() >= 14
 
 
+def slow(*values):
+    """Parameters that a plain pytest leaves out."""
+    return [pytest.param(value, marks=pytest.mark.slow) for value in values]
+
+
 def splats(sd, seed, hair=None):
     rng = np.random.default_rng(seed)
     points = scan(noise=0.0, hair=hair)
@@ -156,7 +161,7 @@ def splats(sd, seed, hair=None):
     return np.vstack([points, rng.uniform(low, high, (len(points) // 20, 3))])
 
 
-@pytest.mark.parametrize("profile", ["box", "round", "cosine"])
+@pytest.mark.parametrize("profile", ["box", *slow("round", "cosine")])
 def test_a_plait_in_the_points_of_apps_turns_no_level(profile, true_rotations):
     """Each level is right within a degree, or left out; below the plait all are there."""
     back = measured(splats(3.0, 1, hair=plait(profile)))
@@ -174,7 +179,7 @@ STRAPS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("noisy", [False, True])
+@pytest.mark.parametrize("noisy", [False, *slow(True)])
 @pytest.mark.parametrize("strap", STRAPS)
 def test_straps_turn_no_level_also_where_noise_hides_them(strap, noisy, true_rotations):
     """In the points of apps they are not seen, but smoothed with the skin."""
@@ -183,7 +188,7 @@ def test_straps_turn_no_level_also_where_noise_hides_them(strap, noisy, true_rot
     assert not_none(back.scan).stands or noisy
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *slow(1, 2)])
 def test_points_of_apps_are_smoothed_and_their_noise_is_in_the_intervals(seed, true_rotations):
     back = measured(splats(3.0, seed))
     scanned = not_none(back.scan)
