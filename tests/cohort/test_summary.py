@@ -13,6 +13,7 @@ import pytest
 
 from support.asserting import not_none
 from support.drawn import Page
+from support.shown import check_shown, report_lines
 from warp_trunk.cohort.cohort_page import (
     agreement_picture,
     cohort_text,
@@ -266,9 +267,12 @@ def test_the_console_names_every_case_that_does_not_count_and_every_range() -> N
         assert line.endswith(words)
 
 
-def test_the_page_of_a_cohort_has_its_numbers_and_names_what_does_not_count(tmp_path: Path) -> None:
-    write_cohort(tmp_path, ROWS)
-    page = Page((tmp_path / "cohort.html").read_text(encoding="utf-8"))
+def test_the_page_of_a_cohort_has_its_numbers_and_what_does_not_count_as_accepted(tmp_path: Path) -> None:
+    (tmp_path / "study").mkdir()
+    summary = write_cohort(tmp_path / "study", ROWS)
+    page = Page((tmp_path / "study" / "cohort.html").read_text(encoding="utf-8"))
+    pictures = {"levels": levels_picture(summary), "agreement": agreement_picture(ROWS, summary)}
+    check_shown("cohort", [*report_lines(page, pictures), cohort_text(summary)])
     for text in (
         "e has no result: skin.ply: is <open>, 3 edges",
         "d did not converge and does not count.",

@@ -82,7 +82,7 @@ def test_what_surrounds_a_back_is_left_out_and_counted(name, true_rotations):
     assert errors(back, true_rotations).max() < 0.5
     left = len(not_none(back.scan).surroundings) + len(not_none(back.scan).hidden)
     assert left > 0.8 * len(np.unique(np.floor(around / 3.0), axis=0))
-    assert f"{left} of " in back.text()
+    assert f"{left} of {left + len(not_none(back.scan).skin)} " in back.text()
 
 
 def test_a_clean_scan_is_the_back_alone():
