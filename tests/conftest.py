@@ -13,6 +13,7 @@ import pytest
 from filelock import FileLock
 from warp._src.context import Module  # Warp has no public hook for compilation
 
+from support.refusals import plain_line, row
 from support.report_results import write_small_result
 from warp_trunk.cli import main
 from warp_trunk.cli.output import BAD_INPUT
@@ -79,3 +80,14 @@ def refused(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
         return errors[0]
 
     return run
+
+
+@pytest.fixture
+def refused_row(refused: Callable[..., str], tmp_path: Path) -> Callable[[str, Sequence[object]], str]:
+    """The row of an accepted text: the line in which a command is refused."""
+
+    def made(name: str, arguments: Sequence[object]) -> str:
+        with row(name):
+            return f"{name}: {plain_line(refused(arguments), tmp_path)}"
+
+    return made

@@ -272,7 +272,8 @@ def _check_bounds(value: Any, limits: Any, name: str) -> None:
     number = float(value)
     if limits.ge <= number <= limits.le and not math.isinf(number):
         return
-    cure = "; give one" if math.isnan(number) else within(number, min(max(number, limits.ge), limits.le))
+    nearest = min(max(number, limits.ge), limits.le)
+    cure = within(number, nearest) if math.isfinite(nearest) else "; give one"
     finite = f"a finite number of at least {limits.ge:g}"
     rule = finite if math.isinf(limits.le) else f"a number from {limits.ge:g} to {limits.le:g}"
     raise InputError(f"{name} must be {' '.join(filter(None, (rule, limits.description)))}, not {value}{cure}")

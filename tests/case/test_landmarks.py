@@ -5,29 +5,13 @@ import json
 import numpy as np
 import pytest
 
-from support.asserting import refuses
 from warp_trunk.case.axes import Axes
-from warp_trunk.case.landmarks import Landmarks, landmark_file, read_landmarks, write_landmarks
-from warp_trunk.errors import InputError
-
-NAMES = (
-    "L1_left_pedicle_superior",
-    "T10_x",
-    "T2_x",
-    "asis_left",
-    "asis_right",
-    "T1_x",
-    "T10_y",
-    "rib_left_01_tip",
-)
-
-
-def make(names=NAMES):
-    return Landmarks(names, np.random.default_rng(0).normal(size=(len(names), 3)) * 1e3 / 3.0)
+from warp_trunk.case.landmarks import Landmarks, read_landmarks, write_landmarks
 
 
 def test_round_trip_keeps_every_bit(tmp_path):
-    landmarks = make()
+    names = ("L1_left_pedicle_superior", "T10_x", "asis_left", "rib_left_01_tip")
+    landmarks = Landmarks(names, np.random.default_rng(0).normal(size=(4, 3)) * 1e3 / 3.0)
     landmarks.points[0] = [0.1 + 0.2, -1e-300, 9999999.999999998]
     write_landmarks(tmp_path / "a.csv", landmarks)
     back = read_landmarks(tmp_path / "a.csv")
@@ -79,47 +63,6 @@ def test_a_table_may_have_other_columns_in_another_order(tmp_path):
     read = read_landmarks(tmp_path / "a.csv", units="cm", columns=("label", "left", "back", "up"))
     assert read.names == ("T7_a",)
     np.testing.assert_allclose(read.points, [[1.0, 2.0, 30.0]], rtol=1e-15)
-
-
-def points(*rows, system="LPS", **more):
-    return json.dumps(markups(rows, system, **more))
-
-
-@pytest.mark.parametrize(
-    ("name", "text", "rule"),
-    [
-        ("a.csv", "x,y,name\n", "the first line must name the columns name,x,y,z once each, not 'x,y,name'"),
-        ("a.csv", "name,x,x,y,z\n", "once each, not 'name,x,x,y,z'"),
-        ("a.csv", "", "once each, not ''"),
-        ("a.csv", "name,x,y,z\n", "there is no point in it"),
-        ("a.csv", "name,x,y,z\n,1,2,3\n", "line 2: a point has a name of letters in one line, not ''"),
-        ("a.csv", "name,x,y,z\nT1_a,1,2,3\n\nT1_a,4,5,6\n", "line 4: 'T1_a' is the name of a point above"),
-        ("a.mrk.json", "[1]", "Expected `object`, got `array`"),
-        ("a.mrk.json", points(), "there is no point"),
-        ("a.mrk.json", points(("", [1, 2, 3])), "point 1: a point has a name of letters"),
-        ("a.mrk.json", points(("a", [1])), "of length 3"),
-        ("a.mrk.json", points(("a", [1, 2, 1e8])), "z of 'a' must be a finite number"),
-        ("a.mrk.json", points(("a", [1, 2, 3]), system="IJK"), "must be LPS or RAS, not 'IJK'"),
-        ("a.mrk.json", points(("a", [1, 2, 3]), coordinateUnits="inch"), "'coordinateUnits' must be mm, cm, m"),
-        ("a.mrk.json", points(("a", [1, 2, 3]), coordinateUnits=["mm", "mm", "um"]), "the same axes and units"),
-        ("a.fcsv", "# CoordinateSystem = LPS\n0,1,2,nan,0,0,0,1,1,1,0,a\n", "z of 'a' must be a finite number"),
-        ("a.fcsv", "# CoordinateSystem = LPS\n0,1,2\n", "a point is id,x,y,z"),
-        ("a.fcsv", "# CoordinateSystem = LPS\n# columns = id,x,label\n", "must name x, y, z and label"),
-    ],
-)
-def test_bad_files_are_refused_in_one_line(tmp_path, name, text, rule):
-    (tmp_path / name).write_text(text, encoding="utf-8")
-    with refuses(name, rule):
-        read_landmarks(tmp_path / name)
-
-
-def test_landmarks_in_two_files_of_a_folder_are_refused(tmp_path):
-    assert landmark_file(tmp_path, "landmarks_before") == tmp_path / "landmarks_before.csv"
-    (tmp_path / "landmarks_before.fcsv").write_text("", encoding="utf-8")
-    assert landmark_file(tmp_path, "landmarks_before") == tmp_path / "landmarks_before.fcsv"
-    (tmp_path / "landmarks_before.csv").write_text("", encoding="utf-8")
-    with pytest.raises(InputError, match="give 'landmarks_before' in one file"):
-        landmark_file(tmp_path, "landmarks_before")
 
 
 @pytest.mark.parametrize(

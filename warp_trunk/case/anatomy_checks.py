@@ -139,12 +139,14 @@ def _off_features(case: Case) -> list[str]:
         away = np.linalg.norm(off, axis=1)
         worst, most = int(away.argmax()), allowed * (1.0 if pairs else _AT_END)
         if away[worst] > most:
-            all_off = float(np.linalg.norm(off.mean(axis=0)))
-            what = f"the landmarks of {level} together lie {all_off:.0f} mm"
-            if all_off < 0.7 * away[worst]:
-                what = f"'{level}_{VERTEBRA_POINTS[worst]}' lies {away[worst]:.0f} mm"
+            together = np.linalg.norm(off.mean(axis=0)) >= 0.7 * away[worst]
+            what = (
+                f"the landmarks of {level} together lie up to"
+                if together
+                else (f"'{level}_{VERTEBRA_POINTS[worst]}' lies")
+            )
             place = "from the place on the bone where those of the neighbours lie"
-            doubts.append(f"{what} {place}, and {most:.0f} mm is the most; mark them again")
+            doubts.append(f"{what} {away[worst]:.0f} mm {place}, and {most:.0f} mm is the most; mark them again")
     return doubts
 
 

@@ -146,11 +146,6 @@ def check_names(before: Landmarks, after: Landmarks, source: CaseSource) -> None
 def check_landmarks(landmarks: Landmarks, bones: list[str], where: str) -> None:
     """Check one set of landmarks: completeness, and that a spline can be fitted to them."""
     names, points = landmarks.names, landmarks.points
-    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
-    if bad.size:
-        raise InputError(
-            f"{where}: coordinates must be finite, '{names[bad[0]]}' has {points[bad[0]]}; correct them"
-        )
     if len(names) < 4:
         raise InputError(f"{where}: at least 4 landmarks are needed, there are {len(names)}; add landmarks")
     flat = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[2] / math.sqrt(len(points))

@@ -179,11 +179,13 @@ def read_skin(path: Path, case_folder: Path | None, case: Case) -> Surface:
     (low, high), (own_low, own_high) = (
         (surface_.vertices.min(axis=0), surface_.vertices.max(axis=0)) for surface_ in (surface, case.skin)
     )
-    apart = (low > own_high).any() or (high < own_low).any()
-    if apart or not 0.5 < (high[2] - low[2]) / (own_high[2] - own_low[2]) < 2.0:
+    apart = np.flatnonzero((low > own_high) | (high < own_low))
+    if apart.size or not 0.5 < (high[2] - low[2]) / (own_high[2] - own_low[2]) < 2.0:
+        axis = apart[0] if apart.size else 2
+        place = f"{'xyz'[axis]} {own_low[axis]:.0f} to {own_high[axis]:.0f} mm"
         raise InputError(
-            f"{path}: must lie where the skin of the case is, z {own_low[2]:.0f} to {own_high[2]:.0f} mm, "
-            f"but has z {low[2]:.0f} to {high[2]:.0f}; give it in mm and LPS axes, registered to the case"
+            f"{path}: must lie where the skin of the case is, {place}, but has {low[axis]:.0f} to "
+            f"{high[axis]:.0f}; give it in mm and LPS axes, registered to the case"
         )
     if case.landmarks_before.names:
         warnings = check_second_skin(case, surface, str(path))
