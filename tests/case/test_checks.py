@@ -1,4 +1,4 @@
-"""Checks of a case: what is said of each fault, and just within and just beyond each limit."""
+"""Checks of a case: the answer to each fault, and just within and just beyond each limit."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -32,7 +32,7 @@ Check = Callable[[], Iterable[str]]
 
 
 def said(name: str, check: Check) -> list[str]:
-    """What a check says, in rows of an accepted text."""
+    """The answer of a check, in rows of an accepted text."""
     with row(name):
         try:
             texts = list(check()) or ["nothing"]

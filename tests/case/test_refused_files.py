@@ -1,7 +1,7 @@
 """The lines in which files of a case are refused: landmarks, case.toml, tissue.toml and thickness."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
@@ -16,7 +16,7 @@ from warp_trunk.case.points import read_followed_points
 from warp_trunk.case.tissue_file import read_tissue_file
 
 
-def markups(*points: tuple[str, list[object]], **more: object) -> str:
+def markups(*points: tuple[str, Sequence[float]], **more: object) -> str:
     controls = [{"label": label, "position": place} for label, place in points]
     return json.dumps({"markups": [{"controlPoints": controls, **more}]})
 
