@@ -12,13 +12,14 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from support.asserting import refuses
 from support.meshes import block_with_bone, rotate
-from support.models import model_of, settle, split_launches
+from support.models import model_of, settle
 from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion
 from warp_trunk.engine import rest_derivative
 from warp_trunk.engine.constants import constants_of
@@ -31,7 +32,7 @@ from warp_trunk.engine.state import State
 from warp_trunk.errors import InputError
 
 needs_posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no fork and no timer of signals")
-TRUNK = block_with_bone((7, 5, 5), holes=((1, 2, 2), (5, 2, 2)))
+TRUNK = block_with_bone((5, 3, 3), holes=((1, 1, 1), (3, 1, 1)))
 OPTIONS = SimulationOptions(increments=3, relax=RelaxOptions(tolerance=0.01))
 
 
@@ -51,9 +52,9 @@ def outcome(last: Increment) -> tuple[object, ...]:
     return end.status, end.steps, end.linear_iterations, end.estimated_error, last.from_rest.tobytes()
 
 
-def settled(relaxer: Relaxer) -> Increment:
+def settled(relaxer: Relaxer, degrees: float = 12.0, watch: Any = None) -> Increment:
     """The end of a simulation with a relaxer."""
-    return list(simulate(relaxer.model, turned(), OPTIONS, relaxer=relaxer))[-1]
+    return list(simulate(relaxer.model, turned(degrees), OPTIONS, watch, relaxer=relaxer))[-1]
 
 
 def lifted() -> np.ndarray:
@@ -66,107 +67,89 @@ def lifted() -> np.ndarray:
 def interrupt_often(count: int) -> None:
     """Interrupts simulations at random times, each followed by a whole one; run in a process of its own."""
     assert sys.platform != "win32"
-    own = model()
-    relaxer = Relaxer(own, OPTIONS.relax)
-
-    def run() -> tuple[object, ...]:
-        return outcome(list(simulate(own, turned(), OPTIONS, relaxer=relaxer))[-1])
+    relaxer = Relaxer(model(), OPTIONS.relax)
 
     def ring(*_: object) -> None:
         raise KeyboardInterrupt
 
     signal.signal(signal.SIGALRM, ring)
-    wanted, lasted = run(), []
-    for _ in range(5):
+    wanted, lasted = outcome(settled(relaxer)), []
+    for _ in range(3):
         begun = time.perf_counter()
-        assert run() == wanted
+        assert outcome(settled(relaxer)) == wanted
         lasted.append(time.perf_counter() - begun)
     interrupted = 0
     for seed in range(20 * count):  # on a busy machine some end before they are interrupted
         try:
             signal.setitimer(signal.ITIMER_REAL, random.Random(seed).uniform(0.001, 0.9) * min(lasted))
-            run()
+            settled(relaxer)
             signal.setitimer(signal.ITIMER_REAL, 0.0)
         except KeyboardInterrupt:
             interrupted += 1
-        assert run() == wanted, seed
+        assert outcome(settled(relaxer)) == wanted, seed
         if interrupted == count:
             return
     raise AssertionError(interrupted)
 
 
-@needs_posix
-@pytest.mark.parametrize("count", [16, pytest.param(200, marks=pytest.mark.slow)])
-def test_an_interrupted_relaxer_is_as_usable_as_new(count: int) -> None:
-    """Its threads hung or failed in 22 of 24 cases."""
+def run_apart(call: str) -> None:
+    """A function of this file in a process of its own, which may hang."""
     this_file = Path(__file__)
-    code = f"import sys; sys.path[:0] = [{str(this_file.parent)!r}, {str(this_file.parents[1])!r}]\n"
-    code += f"import {this_file.stem}; {this_file.stem}.interrupt_often({count})"
+    code = f"import sys; sys.path[:0] = {[str(this_file.parent), str(this_file.parents[1])]!r}\n"
+    code += f"import {this_file.stem}; {this_file.stem}.{call}"
     subprocess.run([sys.executable, "-c", code], check=True, timeout=900)
 
 
+@needs_posix
+@pytest.mark.parametrize("count", [4, pytest.param(200, marks=pytest.mark.slow)])
+def test_an_interrupted_relaxer_is_as_usable_as_new(count: int) -> None:
+    """Its threads hung or failed in 22 of 24 cases."""
+    run_apart(f"interrupt_often({count})")
+
+
 def test_refuses_a_relaxer_that_another_simulation_has_taken_over() -> None:
-    own = model()
-    relaxer = Relaxer(own, OPTIONS.relax)
-    first = simulate(own, turned(), OPTIONS, relaxer=relaxer)
+    relaxer = Relaxer(model(), OPTIONS.relax)
+    first = simulate(relaxer.model, turned(), OPTIONS, relaxer=relaxer)
     next(first)
-    second = list(simulate(own, turned(-12.0), OPTIONS, relaxer=relaxer))
+    second = settled(relaxer, -12.0)
     with pytest.raises(InputError, match="another simulation"):
         next(first)
-    assert outcome(second[-1]) == outcome(list(simulate(own, turned(-12.0), OPTIONS))[-1])
+    assert outcome(second) == outcome(settled(Relaxer(relaxer.model, OPTIONS.relax), -12.0))
 
 
-def test_refuses_whoever_begins_from_watch_and_goes_on() -> None:
-    """It ended CONVERGED with the bones of the other one."""
-    own = model()
-    relaxer, refused = Relaxer(own, OPTIONS.relax), []
+def test_refuses_a_second_user_of_a_relaxer_at_work_and_goes_on() -> None:
+    """From a watch or in another thread: it ended CONVERGED with the bones of the other one."""
+    relaxer, refused = Relaxer(model(), OPTIONS.relax), []
     first = settled(relaxer)
     uses: list[Callable[[], object]] = [
-        lambda: list(simulate(own, turned(-12.0), OPTIONS, relaxer=relaxer)),
-        lambda: Linearization(own, first, relaxer=relaxer),
+        lambda: settled(relaxer, -12.0),
+        lambda: Linearization(relaxer.model, first, relaxer=relaxer),
         relaxer.relax,
         relaxer.prepare,
     ]
 
-    def watch(step: RelaxStep, state: State) -> None:
-        while uses:
-            with refuses("at work", begins="relaxer"):
-                uses.pop()()
-            refused.append(step)
-
-    last = list(simulate(own, turned(), OPTIONS, watch, relaxer=relaxer))[-1]
-    assert len(refused) == 4
-    assert outcome(last) == outcome(first)
-
-
-def test_refuses_another_thread_at_once() -> None:
-    own = model()
-    relaxer, beside = Relaxer(own, OPTIONS.relax), []
-
-    def other() -> None:
+    def begin(use: Callable[[], object]) -> None:
         with refuses("at work", begins="relaxer"):
-            relaxer.relax()
-        beside.append(True)
+            use()
+        refused.append(use)
 
     def watch(step: RelaxStep, state: State) -> None:
-        if not beside:
-            thread = threading.Thread(target=other)
+        if uses:
+            thread = threading.Thread(target=begin, args=(relaxer.relax,))
             thread.start()
             thread.join(20.0)
+        while uses:
+            begin(uses.pop())
 
-    last = list(simulate(own, turned(), OPTIONS, watch, relaxer=relaxer))[-1]
-    assert beside
-    assert outcome(last) == outcome(settled(Relaxer(own, OPTIONS.relax)))
+    last = settled(relaxer, watch=watch)
+    assert len(refused) == 5
+    assert outcome(last) == outcome(first)
 
 
 def test_refuses_a_watch_that_moves_the_tissue() -> None:
     relaxer = Relaxer(own := model(), OPTIONS.relax)
-
-    def watch(step: RelaxStep, state: State) -> None:
-        state.set_displacement(turned(-12.0).at(1.0))
-
     with refuses("another displacement", begins="watch"):
-        list(simulate(own, turned(), OPTIONS, watch, relaxer=relaxer))
+        settled(relaxer, watch=lambda _, state: state.set_displacement(turned(-12.0).at(1.0)))
     assert outcome(settled(relaxer)) == outcome(settled(Relaxer(own, OPTIONS.relax)))
 
 
@@ -206,10 +189,7 @@ def test_a_derivative_that_is_refused_leaves_the_matrix_where_it_was(monkeypatch
 @pytest.mark.parametrize("threads", [1, 2])
 def test_a_linearization_takes_turns_with_relaxations(threads: int) -> None:
     """On one model they wrote to each other's program: it crashed with one thread, and hung with two."""
-    code = f"""
-import sys; sys.path[:0] = {[str(Path(__file__).parent), str(Path(__file__).parents[1])]!r}
-import {Path(__file__).stem}; {Path(__file__).stem}.follow_beside_relaxations({threads})"""
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=100)
+    run_apart(f"follow_beside_relaxations({threads})")
 
 
 def follow_beside_relaxations(threads: int) -> None:
@@ -236,45 +216,35 @@ def follow_beside_relaxations(threads: int) -> None:
 def test_threads_of_one_process_take_turns() -> None:
     """Each with a model of its own. What one launched was captured for another, and the process crashed."""
     turns = (6.0, 9.0, 12.0)
-    wanted = [outcome(list(simulate(model(), turned(degrees), OPTIONS))[-1]) for degrees in turns]
+    wanted = [outcome(settled(Relaxer(model(), OPTIONS.relax), degrees)) for degrees in turns]
     outcomes: list[tuple[int, tuple[object, ...]]] = []
 
     def work(first: int) -> None:
-        for number in itertools.islice(itertools.cycle(range(len(turns))), first, first + 4):
-            outcomes.append((number, outcome(list(simulate(model(), turned(turns[number]), OPTIONS))[-1])))
+        for number in itertools.islice(itertools.cycle(range(len(turns))), first, first + 3):
+            outcomes.append((number, outcome(settled(Relaxer(model(), OPTIONS.relax), turns[number]))))
 
     threads = [threading.Thread(target=work, args=(first,)) for first in range(4)]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    assert len(outcomes) == 16
+    assert len(outcomes) == 12
     assert all(each == wanted[number] for number, each in outcomes)
 
 
 @needs_posix
-def test_refuses_in_a_forked_process() -> None:
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_forked_process_is_served_without_threads_and_refused_with_them(threads: int) -> None:
     """It has none of the threads; it hung."""
     assert sys.platform != "win32"
-    own = model()
-    relaxer = Relaxer(own, OPTIONS.relax)
-    list(simulate(own, turned(), OPTIONS, relaxer=relaxer))
+    relaxer = Relaxer(model(threads), OPTIONS.relax)
+    wanted = outcome(settled(relaxer))
     if (child := os.fork()) == 0:
         signal.alarm(20)
         try:
-            list(simulate(own, turned(), OPTIONS, relaxer=relaxer))
+            differs = outcome(settled(relaxer)) != wanted
+            os._exit(differs or threads > 1)
         except InputError as error:
-            os._exit(0 if "forked" in str(error) else 1)
+            os._exit(threads == 1 or "forked" not in str(error))
         os._exit(2)
-    assert os.waitpid(child, 0)[1] == 0
-
-
-@needs_posix
-def test_a_model_without_threads_serves_a_forked_process() -> None:
-    assert sys.platform != "win32"
-    own = model_of(TRUNK, energy="neo-hookean", device=split_launches(1))
-    wanted = outcome(list(simulate(own, turned(), OPTIONS))[-1])
-    if (child := os.fork()) == 0:
-        signal.alarm(60)
-        os._exit(outcome(list(simulate(own, turned(), OPTIONS))[-1]) != wanted)
     assert os.waitpid(child, 0)[1] == 0

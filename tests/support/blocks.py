@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 
 from warp_trunk.case.anatomy import VERTEBRAE
+from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks
 from warp_trunk.geometry.surface import Surface
 
 Box = tuple[tuple[int, int, int], tuple[int, int, int]]
@@ -69,3 +70,10 @@ def spine_and_hips() -> dict[str, Surface]:
         bone: moved(vertebra, 0.8 * np.eye(3), [0.0, 50.0, 440.0 - 20.0 * i]) for i, bone in enumerate(VERTEBRAE)
     }
     return {**hips, **spine}
+
+
+def known_landmarks() -> Landmarks:
+    """Those of the vertebrae of `spine_and_hips`; pedicles are as wide and high wherever they are cut."""
+    six = np.array([[0, -45, 20], [0, -45, 0], [11, -29, 18], [11, -29, 10], [-11, -29, 18], [-11, -29, 10]])
+    points = [0.8 * six + [0.0, 50.0, 440.0 - 20.0 * i] for i in range(len(VERTEBRAE))]
+    return Landmarks(tuple(f"{b}_{p}" for b in VERTEBRAE for p in VERTEBRA_POINTS), np.vstack(points))

@@ -1,7 +1,6 @@
 """Energies, gradients and equilibria against NumPy and SciPy, of tissues of one kind or more."""
 
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import replace
 from itertools import combinations
 from typing import Any
@@ -10,22 +9,17 @@ import numpy as np
 import pytest
 
 from support.continuum import Continuum
-from support.meshes import block, block_with_bone, grid, rotation, single_tet, trunk
-from support.models import bent_and_noisy, evaluated, gradient_of, half_and_half, held_turned, model_of, relax
+from support.meshes import block, block_with_bone, rotation, single_tet
+from support.models import bent_and_noisy, evaluated, gradient_of, half_and_half, model_of
 from support.reference import Reference, volumes
-from warp_trunk.engine.relaxation import Energy, RelaxStatus
+from warp_trunk.engine.relaxation import Energy
 from warp_trunk.engine.state import State
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
 
-MESHES = {"block": block(), "bone inside": block_with_bone(), "one tetrahedron": single_tet()}
-TISSUES = {
-    "all terms": Tissue(epsilon=0.7, theta=13.0, density=950.0, youngs_modulus=4.0),
-    "edges only": Tissue(epsilon=0.0, theta=0.0),
-    "no faces": Tissue(epsilon=0.0, theta=5.0),
-    "no volume": Tissue(epsilon=2.0, theta=0.0),
-}
+MESHES = {"bone inside": block_with_bone(), "one tetrahedron": single_tet()}
+ALL_TERMS = Tissue(epsilon=0.7, theta=13.0, density=950.0, youngs_modulus=4.0)
 LAYERS = (
     Tissue(youngs_modulus=10.0, poisson_ratio=0.4, density=900.0),
     Tissue(youngs_modulus=60.0, poisson_ratio=0.49, density=1200.0),
@@ -43,7 +37,11 @@ def state_of(trunk: TrunkMesh, tissue: Any, displacement: np.ndarray, **options:
 @pytest.mark.parametrize(
     ("energy", "mesh", "tissue"),
     [
-        *(("itmsm", mesh, tissue) for mesh in MESHES for tissue in TISSUES.values()),
+        ("itmsm", "one tetrahedron", ALL_TERMS),
+        ("itmsm", "bone inside", ALL_TERMS),
+        ("itmsm", "bone inside", Tissue(epsilon=0.0, theta=0.0)),
+        ("itmsm", "bone inside", Tissue(epsilon=0.0, theta=5.0)),
+        ("itmsm", "bone inside", Tissue(epsilon=2.0, theta=0.0)),
         ("neo-hookean", "bone inside", LAYERS[0]),
         ("neo-hookean", "bone inside", LAYERS),
     ],
@@ -67,9 +65,9 @@ def test_terms_and_inverted_tetrahedra(
     assert mesh == "one tetrahedron" or 0 < turned.sum() < len(trunk.tets)
 
 
-@pytest.mark.parametrize("threads", [1, 2, 3])
+@pytest.mark.parametrize("threads", [1, 3])
 @pytest.mark.parametrize(
-    ("energy", "tissue"), [("itmsm", TISSUES["all terms"]), ("neo-hookean", LAYERS[0]), ("neo-hookean", LAYERS)]
+    ("energy", "tissue"), [("itmsm", ALL_TERMS), ("neo-hookean", LAYERS[0]), ("neo-hookean", LAYERS)]
 )
 def test_gradient_of_all_nodes(energy: str, tissue: Any, threads: int) -> None:
     """The sum of the ranges' parts is the gradient of the NumPy energy, prescribed nodes included."""
@@ -82,21 +80,17 @@ def test_gradient_of_all_nodes(energy: str, tissue: Any, threads: int) -> None:
 
 @each_energy
 def test_the_reference_gradient_is_that_of_the_reference_energy(energy: str) -> None:
-    trunk, tissue = (
-        (half_and_half(block()), LAYERS) if energy == "neo-hookean" else (block(), TISSUES["all terms"])
-    )
+    trunk, tissue = (half_and_half(block()), LAYERS) if energy == "neo-hookean" else (block(), ALL_TERMS)
     reference, displacement = REFERENCES[energy](trunk, tissue, 9.81), bent_and_noisy(trunk)
-    rng = np.random.default_rng(1)
-    for _ in range(5):
-        along = 1e-5 * rng.normal(size=displacement.shape)
-        change = reference.energy(displacement + along) - reference.energy(displacement - along)
-        assert change == pytest.approx(2.0 * float((reference.gradient(displacement) * along).sum()), rel=1e-7)
+    along = 1e-5 * np.random.default_rng(1).normal(size=displacement.shape)
+    change = reference.energy(displacement + along) - reference.energy(displacement - along)
+    assert change == pytest.approx(2.0 * float((reference.gradient(displacement) * along).sum()), rel=1e-7)
 
 
 @each_energy
 @pytest.mark.parametrize(("precision", "rounding"), [("float32", 1e-4), ("float64", 1e-13)])
 def test_rigid_motions_cost_nothing(energy: str, precision: str, rounding: float) -> None:
-    trunk = MESHES["block"]
+    trunk = block()
     moved = trunk.nodes @ rotation(70.0, (1.0, -1.0, 3.0)).T + np.array([200.0, -50.0, 900.0])
     turned, rest = (
         state_of(trunk, None, displacement, energy=energy, precision=precision)
@@ -109,76 +103,12 @@ def test_rigid_motions_cost_nothing(energy: str, precision: str, rounding: float
     assert (rest.gradient.numpy() == 0.0).all()
 
 
-SPRINGS = Tissue(epsilon=0.8, theta=6.0)
-
-
-def moved_block() -> tuple[TrunkMesh, np.ndarray]:
-    """The held face turns by 20 degrees and slides; all nodes start where a spline would not put them."""
-    trunk = half_and_half(block((3, 3, 3)))
-    return trunk, held_turned(trunk, 20.0, [4.0, -2.0, 3.0])
-
-
-def moved_bone() -> tuple[TrunkMesh, np.ndarray]:
-    """A bone inside moves by 2.5 mm, a quarter of an edge."""
-    trunk = block_with_bone((4, 4, 3), holes=((0, 1, 1), (2, 2, 1)))
-    start = np.zeros_like(trunk.nodes)
-    start[trunk.bone == 1] = [1.0, 2.0, -1.0]
-    return trunk, start
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("gravity", [0.0, 9.81])
-@pytest.mark.parametrize(
-    ("scene", "energy", "tissue"),
-    [
-        (moved_block, "itmsm", SPRINGS),
-        (moved_bone, "itmsm", SPRINGS),
-        (moved_block, "neo-hookean", LAYERS),
-        (moved_bone, "neo-hookean", LAYERS[1]),
-    ],
-)
-def test_same_equilibrium(
-    scene: Callable[[], tuple[TrunkMesh, np.ndarray]], energy: str, tissue: Any, gravity: float
-) -> None:
-    trunk, start = scene()
-    reference = REFERENCES[energy](trunk, tissue, gravity)
-    relaxation, end = relax(model_of(trunk, tissue, energy=energy, gravity=gravity), start, tolerance=1e-7)
-    assert relaxation.status is RelaxStatus.CONVERGED
-    wanted = reference.equilibrium(start)
-    assert reference.energy(wanted) < reference.energy(start)
-    assert np.abs(wanted - start)[reference.free].max() > 1.0
-    np.testing.assert_allclose(end, wanted, atol=2e-6)
-    assert relaxation.energy.total == pytest.approx(reference.energy(wanted), rel=1e-9)
-
-
 SOFT = Tissue(epsilon=0.5, theta=8.0, youngs_modulus=5.0, density=900.0)
 STIFF = Tissue(epsilon=2.0, theta=20.0, youngs_modulus=35.0, density=1300.0)
 
 
 def energy_of(mesh: TrunkMesh, displacement: np.ndarray, tissue: Any, **options: Any) -> Energy:
     return evaluated(model_of(mesh, tissue, **options), displacement).energy()
-
-
-def half_refined() -> TrunkMesh:
-    """Two cubes of equal size; the upper one of cells of half the edge, not joined to the lower one."""
-    coarse, tets, _ = grid((2, 2, 2), 10.0)
-    fine, fine_tets, _ = grid((4, 4, 4), 5.0)
-    nodes = np.vstack([coarse, fine + np.array([0.0, 0.0, 30.0])])
-    held = (nodes[:, 2] == 0.0) | (nodes[:, 2] == 30.0)
-    return trunk(nodes, np.vstack([tets, fine_tets + len(coarse)]), held)
-
-
-@pytest.mark.parametrize(("weights", "upper_share"), [("volume", 0.5), ("count", None)])
-def test_by_volume_equal_parts_of_tissue_are_equally_stiff(weights: str, upper_share: float | None) -> None:
-    """Swelling one of the two cubes: fine cells cost more by count, the same by volume."""
-    mesh = half_refined()
-    upper = mesh.nodes[:, 2] >= 30.0
-    swollen = 0.1 * (mesh.nodes - [10.0, 10.0, 30.0])
-    lower = energy_of(mesh, np.where(upper[:, None], swollen, 0.0), SOFT, weights=weights)
-    other = energy_of(mesh, np.where(upper[:, None], 0.0, swollen), SOFT, weights=weights)
-    for term in ("distance", "area", "volume"):
-        share = lower.terms[term] / (lower.terms[term] + other.terms[term])
-        assert share == pytest.approx(upper_share, rel=1e-12) if upper_share else share > 0.8, term
 
 
 def measure_of(points: np.ndarray, feature: tuple[int, ...]) -> float:

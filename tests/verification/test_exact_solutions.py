@@ -14,7 +14,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import root_scalar
 from skfem import Basis, ElementTetP1
 
-from support.continuum import parts, stable, stress
+from support.continuum import stable
 from support.finite_elements import Solid, equilibrium, tangent, tet_mesh
 from support.meshes import block, block_with_bone, grid, rotate, rotation, trunk, turned_about_z
 from support.models import evaluated, gradient_of, model_of, relax
@@ -194,9 +194,6 @@ def by_warp_trunk(trunk: TrunkMesh, start: np.ndarray, nu: float, gravity: float
 SOLVERS = {"scikit-fem": by_scikit_fem, "warp_trunk": by_warp_trunk}
 
 
-RATIOS = (0.3, 0.45, 0.49)
-
-
 def solve(solver: str, exact: Exact, nu: float) -> Solution:
     return SOLVERS[solver](exact.trunk, exact.start(), nu, exact.gravity)
 
@@ -218,17 +215,11 @@ def area_vectors(exact: Exact) -> np.ndarray:
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("nu", RATIOS)
-def test_patch(solver: str, nu: float) -> None:
-    """Nodes all around carried by one affine map carry those inside an irregular mesh with them."""
+def test_patch_and_rigid_motion(solver: str) -> None:
+    """Nodes all around carried by one affine map carry those inside with them, and a turn costs nothing."""
     stretch = np.array([[1.2, 0.1, -0.2], [0.05, 0.85, 0.1], [0.0, -0.15, 1.1]])
     exact = affine(brick(3, all_around, 0.15), rotation(50.0, (1.0, 2.0, 3.0)) @ stretch)
-    assert farthest(exact, solve(solver, exact, nu).displacement) < 1e-8
-
-
-@pytest.mark.parametrize("solver", SOLVERS)
-def test_rigid_motion(solver: str) -> None:
-    """Held at its ends, a bar that turns by 120 degrees turns as a whole, without energy and without force."""
+    assert farthest(exact, solve(solver, exact, 0.49).displacement) < 1e-8
     exact = affine(brick(3, the_ends, 0.15), rotation(120.0, (1.0, -2.0, 0.5)))
     solved = solve(solver, exact, 0.45)
     assert farthest(exact, solved.displacement) < 1e-8
@@ -237,8 +228,7 @@ def test_rigid_motion(solver: str) -> None:
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("nu", RATIOS)
-@pytest.mark.parametrize("stretch", [0.7, 1.5])
+@pytest.mark.parametrize(("stretch", "nu"), [(0.7, 0.49), (1.5, 0.3)])
 def test_pulled_and_pressed(solver: str, stretch: float, nu: float) -> None:
     exact, stress = pulled(stretch, nu)
     solved = solve(solver, exact, nu)
@@ -248,7 +238,7 @@ def test_pulled_and_pressed(solver: str, stretch: float, nu: float) -> None:
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("nu", RATIOS)
+@pytest.mark.parametrize("nu", [0.3, 0.49])
 def test_simple_shear(solver: str, nu: float) -> None:
     """Energy of the whole and the force on every node all around, P times its area vector."""
     exact, stress, energy = sheared(0.7, nu)
@@ -301,7 +291,7 @@ def turned_end() -> tuple[TrunkMesh, np.ndarray]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("gravity", [0.0, 9.81])
-@pytest.mark.parametrize("nu", [0.3, 0.45, 0.49])
+@pytest.mark.parametrize("nu", [0.3, 0.49])
 @pytest.mark.parametrize("scene", [moved_bone, turned_end])
 def test_same_equilibrium(scene: Callable[[], tuple[TrunkMesh, np.ndarray]], nu: float, gravity: float) -> None:
     """Every node to 1e-6 mm, the energy and the forces that hold the bones to nine digits."""
@@ -313,52 +303,12 @@ def test_same_equilibrium(scene: Callable[[], tuple[TrunkMesh, np.ndarray]], nu:
     np.testing.assert_allclose(solved.forces, wanted.forces, atol=1e-8 * np.abs(wanted.forces).max())
 
 
-@pytest.fixture(scope="module")
-def deformations() -> np.ndarray:
-    """Deformation gradients, inverted ones too, shape (20, 3, 3)."""
-    return np.eye(3) + 0.6 * np.random.default_rng(0).normal(size=(20, 3, 3))
-
-
-@pytest.mark.parametrize("nu", [0.0, 0.3, 0.45, 0.49])
-def test_stress_and_tangent_by_differences(deformations: np.ndarray, nu: float) -> None:
-    moduli, step = stable(10.0, nu), 1e-5
-    assert 0 < (np.linalg.det(deformations) < 0.0).sum() < 10
-    stresses, second = stress(deformations, *moduli), tangent(deformations, *moduli)
-    for k, l in np.ndindex(3, 3):  # noqa: E741
-        move = np.zeros((3, 3))
-        move[k, l] = step
-        ahead, behind = deformations + move, deformations - move
-        slope = (sum(parts(ahead, *moduli)) - sum(parts(behind, *moduli))) / (2.0 * step)
-        np.testing.assert_allclose(stresses[:, k, l], slope, rtol=1e-7, atol=1e-8 * np.abs(slope).max())
-        slope = (stress(ahead, *moduli) - stress(behind, *moduli)) / (2.0 * step)
-        np.testing.assert_allclose(second[:, :, :, k, l], slope, rtol=1e-7, atol=1e-8 * np.abs(slope).max())
-
-
-@pytest.mark.parametrize("nu", [0.0, 0.3, 0.45, 0.49])
+@pytest.mark.parametrize("nu", [0.0, 0.45])
 def test_hookes_law_at_rest(nu: float) -> None:
     """A small strain e gives the stress E / (1 + nu) (e + nu / (1 - 2 nu) tr e), a small rotation none."""
     rest, moduli = np.eye(3)[None], stable(10.0, nu)
-    assert sum(parts(rest, *moduli)) == pytest.approx(0.0, abs=1e-14)
-    np.testing.assert_allclose(stress(rest, *moduli), 0.0, atol=1e-13)
     gradient = np.random.default_rng(1).normal(size=(3, 3))
     strain = 0.5 * (gradient + gradient.T)
     wanted = 10.0 / (1.0 + nu) * (strain + nu / (1.0 - 2.0 * nu) * np.trace(strain) * np.eye(3))
     stresses = np.einsum("ijkl,kl->ij", tangent(rest, *moduli)[0], gradient)
     np.testing.assert_allclose(stresses, wanted, rtol=1e-11, atol=1e-11)
-
-
-def test_energy_ignores_rotation_and_is_isotropic(deformations: np.ndarray) -> None:
-    moduli, turn = stable(10.0, 0.45), rotation(130.0, (2.0, 1.0, -1.0))
-    for turned in (turn @ deformations, deformations @ turn):
-        for quantity, wanted in zip(parts(turned, *moduli), parts(deformations, *moduli), strict=True):
-            np.testing.assert_allclose(quantity, wanted, rtol=1e-11, atol=1e-11)
-
-
-def test_the_independent_solver_stays_at_rest_and_says_when_no_step_helps(monkeypatch) -> None:
-    trunk = block((2, 2, 2))
-    solid, still = Solid(trunk.nodes, trunk.tets, 1.0, 0.45), np.zeros_like(trunk.nodes)
-    np.testing.assert_allclose(equilibrium(solid, still, trunk.prescribed), 0.0, atol=1e-12)
-    forces = solid.forces
-    monkeypatch.setattr(solid, "forces", lambda u: -forces(u))
-    with pytest.raises(AssertionError, match="no step lowers the energy"):
-        equilibrium(solid, still + 2.0 * ~trunk.prescribed[:, None], trunk.prescribed)

@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,9 +17,9 @@ from warp_trunk.engine import newton
 from warp_trunk.engine.descent import ProjectedGradient, spectral_length
 from warp_trunk.engine.line_search import search
 from warp_trunk.engine.newton import Relaxer
-from warp_trunk.engine.relaxation import Relaxation, RelaxOptions, RelaxStatus, RelaxStep
+from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus, RelaxStep
 from warp_trunk.engine.sag_free import sag_free
-from warp_trunk.engine.state import Products, State
+from warp_trunk.engine.state import Products
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.engine.work import Work
@@ -33,11 +34,6 @@ def moved_bones() -> tuple[TrunkMesh, np.ndarray]:
 
 SCENES = {"turned face": (block(), held_turned(block(), 25.0)), "moved bone": moved_bones()}
 EACH_SCENE = pytest.mark.parametrize("scene", SCENES)
-
-
-def single(trunk: TrunkMesh, start: np.ndarray, gravity: float = 0.0, **options: Any) -> tuple[Relaxation, Any]:
-    """Relaxes in float32."""
-    return relax(model_of(trunk, gravity=gravity, precision="float32"), start, **options)
 
 
 @EACH_SCENE
@@ -64,35 +60,24 @@ def test_energy_never_rises_and_every_step_is_seen_as_it_was(gravity: float, sce
     assert sorted(seconds) == seconds
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-def test_two_runs_agree_to_the_last_bit(threads: int) -> None:
+@pytest.mark.parametrize("threads", [1, 3])
+def test_two_runs_agree_to_the_last_bit_and_threads_change_only_rounding(threads: int) -> None:
     trunk, start = SCENES["moved bone"]
-    model = model_of(trunk, threads=threads, gravity=9.81, precision="float32")
-    first, two = (relax(model, start, max_steps=60) for _ in range(2))
+    model = model_of(trunk, threads=threads, gravity=9.81)
+    first, two = (relax(model, start, max_steps=60, tolerance=1e-8) for _ in range(2))
     assert (first[1] == two[1]).all()
     assert first[0] == two[0]
+    alone = relax(model_of(trunk, gravity=9.81), start, max_steps=60, tolerance=1e-8)
+    np.testing.assert_allclose(first[1], alone[1], atol=1e-7)
+    assert first[0].energy.total == pytest.approx(alone[0].energy.total, rel=1e-12)
 
 
-@pytest.mark.parametrize("threads", [2, 3])
-def test_threads_change_only_rounding(threads: int) -> None:
-    trunk, start = SCENES["turned face"]
-    alone, many = (relax(model_of(trunk, threads=count), start, tolerance=1e-8) for count in (1, threads))
-    np.testing.assert_allclose(many[1], alone[1], atol=1e-7)
-    assert many[0].energy.total == pytest.approx(alone[0].energy.total, rel=1e-12)
-
-
-def test_a_bound_on_steps_holds() -> None:
-    ended, _ = single(*SCENES["turned face"], max_steps=2, tolerance=1e-6)
-    assert ended.status is RelaxStatus.STEP_LIMIT
-    assert ended.steps == len(ended.history) == 2
-
-
-@EACH_SCENE
-def test_float32_reports_that_it_cannot_reach_a_nanometre(scene: str) -> None:
-    ended, displacement = single(*SCENES[scene], tolerance=1e-9, max_steps=2000)
+def test_float32_reports_that_it_cannot_reach_a_nanometre() -> None:
+    trunk, start = SCENES["moved bone"]
+    ended, displacement = relax(model_of(trunk, precision="float32"), start, tolerance=1e-9, max_steps=2000)
     assert ended.status is RelaxStatus.STALLED
     rounding = np.finfo(np.float32).eps * np.abs(displacement).max()
-    true = Reference(SCENES[scene][0]).error(displacement)
+    true = Reference(trunk).error(displacement)
     assert 1e-9 < true <= rounding + 2.0 * ended.estimated_error
 
 
@@ -108,19 +93,9 @@ def test_from_its_equilibrium_a_relaxation_claims_without_a_search(energy: str, 
     assert (again.status, again.steps, again.evaluations) == (RelaxStatus.CONVERGED, 0, 1)
 
 
-def test_small_motions_take_newton_few_steps() -> None:
-    """Near rest the energy is quadratic and its assembled curvature exact, so a step leaves little."""
-    trunk, start = SCENES["moved bone"]
-    ended, _ = relax(model_of(trunk), 1e-4 * start, tolerance=1e-10)
-    assert ended.status is RelaxStatus.CONVERGED
-    assert ended.steps <= 16
-
-
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-def test_a_start_that_is_not_finite_is_called_so(precision: str) -> None:
+def test_a_start_that_is_not_finite_is_called_so() -> None:
     trunk, start = SCENES["turned face"]
-    start = np.vstack([start[:-1], [[np.nan, 0.0, 0.0]]])
-    ended, _ = relax(model_of(trunk, precision=precision), start)
+    ended, _ = relax(model_of(trunk, precision="float32"), np.vstack([start[:-1], [[np.nan, 0.0, 0.0]]]))
     assert (ended.status, ended.steps) == (RelaxStatus.NOT_FINITE, 0)
 
 
@@ -135,31 +110,21 @@ def test_the_tolerance_of_a_call_precedes_that_of_the_options_and_another_call_c
     assert np.linalg.norm(relaxer.state.host_displacement() - first, axis=1).max() < 2e-4
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("tolerance", 0.0),
-        ("tolerance", np.nan),
-        ("tolerance", np.inf),
-        ("tolerance", "0.1"),
-        ("max_steps", 0),
-        ("max_steps", 1.5),
-        ("method", "steepest"),
-    ],
-)
-def test_refuses_options_out_of_range(name: str, value: Any) -> None:
-    with pytest.raises(InputError, match=name):
-        RelaxOptions(**{name: value})
-
-
-@pytest.mark.parametrize("tolerance", [np.nan, 0.0, -1.0])
-def test_refuses_a_tolerance_out_of_range_wherever_it_is_given(tolerance: float) -> None:
+def test_refuses_options_and_tolerances_out_of_range() -> None:
     """With NaN it never ended."""
+    for name, values in {
+        "tolerance": (0.0, np.nan, np.inf, "0.1"),
+        "max_steps": (0, 1.5),
+        "method": ("ascent",),
+    }.items():
+        for value in values:
+            with pytest.raises(InputError, match=name):
+                RelaxOptions(**{name: value})
     model = model_of(block((2, 2, 2)), gravity=9.81)
-    with refuses("positive", begins="tolerance"):
-        Relaxer(model).relax(tolerance)
-    with refuses("positive", begins="tolerance"):
-        sag_free(model, tolerance)
+    for tolerance in (np.nan, 0.0, -1.0):
+        for use in (Relaxer(model).relax, partial(sag_free, model)):
+            with refuses("positive", begins="tolerance"):
+                use(tolerance)
 
 
 @pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
@@ -185,7 +150,7 @@ def test_the_time_of_a_step_has_the_solve_before_it(monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr(Work, "evaluate", slowly)
     monkeypatch.setattr(time, "perf_counter", lambda: seconds[0])
-    ended, _ = single(*SCENES["turned face"])
+    ended, _ = relax(model_of(SCENES["turned face"][0]), SCENES["turned face"][1])
     assert [step.seconds for step in ended.history] == [100.0] * ended.steps
 
 
@@ -238,15 +203,14 @@ def test_a_spectral_length_is_the_newton_step_of_a_constant_curvature() -> None:
     assert spectral_length(0.1, products) == pytest.approx(1.0 / 3.0)
 
 
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-def test_a_saddle_is_left_although_no_force_points_away_from_it(precision: str) -> None:
+def test_a_saddle_is_left_although_no_force_points_away_from_it() -> None:
     """A corner held by three edges lies in the plane of their ends: there it is pressed, but not out of it."""
     trunk, edges = single_tet(), Tissue(epsilon=0.0, theta=0.0)
     start = np.zeros_like(trunk.nodes)
     start[3] = [2.0, 2.0, -10.0]
     reference = Reference(trunk, edges)
     assert reference.gradient(start)[3, 2] == 0.0
-    model = model_of(trunk, edges, precision=precision)
+    model = model_of(trunk, edges, precision="float32")
     ended, displacement = relax(model, start, tolerance=0.01, max_steps=300)
     assert ended.status is RelaxStatus.CONVERGED
     assert abs(trunk.nodes[3, 2] + displacement[3, 2]) > 5.0
@@ -288,33 +252,34 @@ def test_what_noise_shows_is_searched_downhill(monkeypatch: pytest.MonkeyPatch) 
     assert max(slopes) < 0.0
 
 
-@pytest.mark.parametrize("theta", [0.0, 10.0, 1000.0])
+@pytest.mark.parametrize("theta", [0.0, 1000.0])
 def test_rounding_is_part_of_the_distance(theta: float) -> None:
     """In float32 no tolerance is claimed below what rounding leaves; where one is claimed, it holds."""
     trunk, tissue = block((2, 2, 2)), Tissue(theta=theta)
     start = held_turned(trunk, 40.0, axis=(1.0, 0.3, 1.0))
-    for tolerance in (1e-3, 1e-4, 1e-7):
+    for tolerance in (1e-3, 1e-7):
         model = model_of(trunk, tissue, precision="float32")
         ended, displacement = relax(model, start, tolerance=tolerance, max_steps=300)
-        if tolerance in (1e-3, 1e-7):
-            assert (ended.status is RelaxStatus.CONVERGED) == (tolerance == 1e-3)
+        assert (ended.status is RelaxStatus.CONVERGED) == (tolerance == 1e-3)
         if ended.status is RelaxStatus.CONVERGED:
             assert Reference(trunk, tissue).error(displacement, 1e-9) <= 2.0 * ended.estimated_error
 
 
-def test_what_is_on_the_way_is_not_claimed() -> None:
+def test_what_is_on_the_way_is_not_claimed_and_to_judge_it_moves_no_node() -> None:
     trunk = block((2, 2, 2))
     relaxer = Relaxer(model_of(trunk, precision="float32"), RelaxOptions(tolerance=1e-3))
     relaxer.state.set_displacement(held_turned(trunk, 20.0))
     assert relaxer.relax(confirm=False).status is RelaxStatus.NEAR
     assert relaxer.relax(near=True).status is RelaxStatus.CONVERGED
-    assert Reference(trunk).error(relaxer.state.host_displacement(), 1e-6) <= 2e-3
+    end = relaxer.state.host_displacement()
+    assert Reference(trunk).error(end, 1e-6) <= 2e-3
+    again = relaxer.relax(0.1, near=True)
+    assert (again.status, again.steps) == (RelaxStatus.CONVERGED, 0)
+    assert (relaxer.state.host_displacement() == end).all()
 
 
 @pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
-@pytest.mark.parametrize(
-    ("cells", "tolerance"), [((2, 2, 2), 0.1), ((2, 2, 4), 0.1), ((3, 2, 4), 0.1), ((2, 2, 4), 1.0)]
-)
+@pytest.mark.parametrize(("cells", "tolerance"), [((2, 2, 2), 0.1), ((2, 2, 4), 1.0)])
 def test_stiff_tissue_does_not_hide_how_far_soft_tissue_has_to_go(
     energy: str, cells: tuple[int, int, int], tolerance: float
 ) -> None:
@@ -366,17 +331,6 @@ def test_no_claim_is_false_next_to_buckling(precision: str, beyond: float, toler
         assert last.relaxation.estimated_error == np.inf  # what claims nothing states no distance
 
 
-def test_to_judge_moves_no_node() -> None:
-    trunk = block((2, 2, 2))
-    relaxer = Relaxer(model_of(trunk, precision="float32"), RelaxOptions(tolerance=1e-3))
-    relaxer.state.set_displacement(held_turned(trunk, 20.0))
-    relaxer.relax()
-    before = relaxer.state.displacement.numpy().copy()
-    again = relaxer.relax(0.1, near=True)
-    assert (again.status, again.steps) == (RelaxStatus.CONVERGED, 0)
-    assert (relaxer.state.displacement.numpy() == before).all()
-
-
 def test_a_hessian_that_is_not_projected_is_not_used_as_one() -> None:
     """Crushed tissue, whose true Hessian was assembled for its sensitivities, and bones that go on from there."""
     trunk = block_with_bone((5, 3, 3), holes=((1, 1, 1), (3, 1, 1)))
@@ -404,22 +358,3 @@ def test_a_relaxation_near_the_last_takes_the_hessian_that_was_prepared_there() 
     assert (ended.status, relaxer.work.matrix_state.version) == (RelaxStatus.NEAR, version)
     assert ended.steps > 0
     assert reference.error(relaxer.state.host_displacement(), 1e-6) <= 0.1
-
-
-@pytest.mark.slow
-def test_the_distance_of_a_step_is_that_of_where_it_led() -> None:
-    trunk = block((2, 2, 3))
-    relaxer = Relaxer(model_of(trunk), RelaxOptions(tolerance=1e-3))
-    relaxer.state.set_displacement(held_turned(trunk, 15.0))
-    seen: list[tuple[float, float]] = []
-    reference = Reference(trunk)
-
-    def watch(step: RelaxStep, state: State) -> None:
-        seen.append((step.estimated_error, reference.error(state.host_displacement(), 1e-7)))
-
-    ended = relaxer.relax(watch=watch)
-    assert ended.status is RelaxStatus.CONVERGED
-    assert len(seen) == ended.steps > 2
-    for reported, true in seen[1:]:
-        assert true <= 2.0 * reported
-        assert reported <= 10.0 * true + 1e-4

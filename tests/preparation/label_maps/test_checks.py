@@ -3,10 +3,10 @@
 from collections.abc import Callable
 
 import numpy as np
-import pytest
 from scipy import ndimage
 
 from support.blocks import blocks, moved, spine_and_hips
+from support.shown import check_shown
 from support.trunk_shapes import joined
 from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.geometry.surface import Surface
@@ -66,65 +66,33 @@ LEFT_DOWN = {f"rib_left_{n:02d}": f"rib_left_{n + 1:02d}" for n in range(1, 12)}
 RIGHT_AROUND = {f"rib_right_{n:02d}": f"rib_right_{n + 2:02d}" for n in range(1, 11)} | {
     "rib_right_11": "rib_right_01"
 }
-FAULTS: dict[str, tuple[Callable[[Bones], Bones], list[str]]] = {
-    "nothing": (lambda b: b, []),
-    "two in one": (lambda b: {**without(b, "T9"), "T8": joined(b["T8"], b["T9"])},
-                   ["T8: is 2.0 times as large as its neighbours"]),
-    "a part of one": (lambda b: {**b, "L2": scaled(b["L2"], 0.7)}, ["L2: has 34 % of its neighbours' volume"]),
-    "a jump in the numbers": (skipped, [
-        "Of the left ribs number 12 has no label",
-        "Of the right ribs number 12 has no label",
-        "T11 and L1: are as near as neighbours, though T12 would be between them",
-    ]),
+FAULTS: dict[str, Callable[[Bones], Bones]] = {
+    "nothing": lambda b: b,
+    "two in one": lambda b: {**without(b, "T9"), "T8": joined(b["T8"], b["T9"])},
+    "a part of one": lambda b: {**b, "L2": scaled(b["L2"], 0.7)},
+    "a jump in the numbers": skipped,
     "a vertebra without a label, and the rest shifted": (
-        lambda b: renamed(without(b, "L1", "L5"), {"L2": "L1", "L3": "L2", "L4": "L3"}),
-        ["T12 and L1: are 2.0 times as far apart as their neighbours"]),
-    "no label on L5": (lambda b: {**without(b, "L5"), "sacrum": moved(b["L5"], np.eye(3), [0.0, 0.0, -20.0])},
-                       ["L4 and the sacrum are 19 mm apart: L5 has no label"]),
-    "no label on L5 and its place closed": (lambda b: {**without(b, "L5"), "sacrum": b["L5"]},
-                                            ["L4 reaches the sacrum, though L5 would be between them"]),
-    "no label on T8": (lambda b: without(b, "T8"), ["T8 between T7 and T9 has no label"]),
-    "all eleven ribs of a side one too low": (lambda b: renamed(without(b, "rib_left_01"), LEFT_UP), [
-        "Of the left ribs number 12 has no label",
-        "The left ribs 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11 lie at T2, T3",
-    ]),
-    "all eleven ribs of a side one too high": (lambda b: renamed(without(b, "rib_left_12"), LEFT_DOWN), [
-        "Of the left ribs number 1 has no label",
-        "The left ribs 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12 lie at T1, T2",
-    ]),
+        lambda b: renamed(without(b, "L1", "L5"), {"L2": "L1", "L3": "L2", "L4": "L3"})
+    ),
+    "no label on L5": (lambda b: {**without(b, "L5"), "sacrum": moved(b["L5"], np.eye(3), [0.0, 0.0, -20.0])}),
+    "no label on L5 and its place closed": lambda b: {**without(b, "L5"), "sacrum": b["L5"]},
+    "no label on T8": lambda b: without(b, "T8"),
+    "all eleven ribs of a side one too low": lambda b: renamed(without(b, "rib_left_01"), LEFT_UP),
+    "all eleven ribs of a side one too high": lambda b: renamed(without(b, "rib_left_12"), LEFT_DOWN),
     "turned by half a turn": (
-        lambda b: {n: Surface(s.vertices * [-1, -1, 1], s.faces) for n, s in (b | front(b)).items()},
-        ["Left and right are exchanged in all 13 pairs of bones and the sternum lies behind the spine"]),
-    "front to back": (lambda b: {n: Surface(s.vertices * [1, -1, 1], s.faces) for n, s in (b | front(b)).items()},
-                      ["The sternum lies behind the spine: the axes of the file are mirrored;"]),
-    "all sides exchanged": (lambda b: swapped(b, [n for n in b if "left" in n or "right" in n]), [
-        "Left and right are exchanged in all 13 pairs of bones: the axes of the file are mirrored"]),
-    "one pair exchanged": (lambda b: swapped(b, ["rib_left_05", "rib_right_05"]),
-                           ["rib_left_05: lies right of rib_right_05; exchange these two labels."]),
-    "six lumbar vertebrae": (lambda b: {**b, "L6": moved(b["L5"], np.eye(3), [0.0, 0.0, -20.0])},
-                             ["L6: is one more than most people have"]),
-    "ribs numbered one too high": (lambda b: renamed(without(b, "rib_right_12"), RIGHT_AROUND), [
-        "Of the right ribs number 2 has no label",
-        "The right ribs 1, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12 lie at T11, T1",
-    ]),
-    "one rib numbered wrong": (lambda b: {**without(b, "rib_left_09"), "rib_left_04": b["rib_left_09"]},
-                               ["Of the left ribs number 9 has no label", "rib_left_04: lies at T9, not at T4"]),
-}  # fmt: skip
+        lambda b: {n: Surface(s.vertices * [-1, -1, 1], s.faces) for n, s in (b | front(b)).items()}
+    ),
+    "front to back": lambda b: {n: Surface(s.vertices * [1, -1, 1], s.faces) for n, s in (b | front(b)).items()},
+    "all sides exchanged": lambda b: swapped(b, [n for n in b if "left" in n or "right" in n]),
+    "one pair exchanged": lambda b: swapped(b, ["rib_left_05", "rib_right_05"]),
+    "six lumbar vertebrae": lambda b: {**b, "L6": moved(b["L5"], np.eye(3), [0.0, 0.0, -20.0])},
+    "ribs numbered one too high": lambda b: renamed(without(b, "rib_right_12"), RIGHT_AROUND),
+    "one rib numbered wrong": lambda b: {**without(b, "rib_left_09"), "rib_left_04": b["rib_left_09"]},
+}
 
 
-@pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_of_segmentation_is_named_and_nothing_else(fault):
-    change, said = FAULTS[fault]
-    doubts = doubts_of_bones(change(trunk()))
-    assert [part for part in said if not any(part in doubt for doubt in doubts)] == [], doubts
-    assert len(doubts) == len({part for part in said if "mm from" not in part}), doubts
-
-
-@pytest.mark.parametrize(
-    ("axis", "side", "word"), [(0, 0, "right"), (0, 1, "left"), (1, 0, "front"), (1, 1, "back")]
-)
-def test_a_trunk_cut_off_by_the_border_of_the_image(axis, side, word):
-    spine = {name: bone for name, bone in spine_and_hips().items() if name in VERTEBRAE}
+def cut_off(axis: int, side: int) -> Mask:
+    """A trunk that the border of its image cuts off, at the lower (0) or upper (1) end of an axis."""
     affine = np.diag([5.0, 5.0, 5.0, 1.0])
     affine[:3, 3] = -150.0, -150.0, 100.0
     first, shape = [10, 10, 10], [60, 60, 90]
@@ -134,67 +102,44 @@ def test_a_trunk_cut_off_by_the_border_of_the_image(axis, side, word):
         shape[axis] = 10 + (40, 32, 60)[axis]
     cut = Mask(np.ones((40, 32, 60), dtype=bool), (first[0], first[1], 10), affine, (shape[0], shape[1], 90))
     assert cut.faces_at_border() == [(axis, side)]
-    doubts = [d for d in doubts_of_image({}, cut, spine) if f"by the {word} border" in d]
-    assert len(doubts) == 1
-    assert "rotation from T2 to L3 is not that of the patient" in doubts[0]
+    return cut
 
 
-def test_bones_that_the_image_ends_in_are_named():
+def test_the_doubts_of_a_segmentation_are_as_accepted():
+    """A fault is named, and nothing else."""
+    shown, bones = [], trunk()
+    for fault, change in FAULTS.items():
+        shown += [f"== {fault}", *doubts_of_bones(change(bones))]
+    spine = {name: bone for name, bone in spine_and_hips().items() if name in VERTEBRAE}
+    for axis, side in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        shown += [
+            f"== the body ends at border {side} of axis {axis}",
+            *doubts_of_image({}, cut_off(axis, side), spine),
+        ]
     inside = np.ones((4, 4, 4), dtype=bool)
-    masks = {name: Mask(inside, first, np.eye(4), (20, 20, 20)) for name, first in
-             (("T1", (5, 5, 16)), ("T2", (5, 5, 12)))}  # fmt: skip
-    assert doubts_of_image(masks, None, {}) == ["The image ends in T1: only the parts that it shows are there."]
+    ends = {name: Mask(inside, (5, 5, low), np.eye(4), (20, 20, 20)) for name, low in (("T1", 16), ("T2", 12))}
+    shown += ["== the image ends in T1", *doubts_of_image(ends, None, {})]
+    hips = {"T5": blocks((((60, 0, 0), (90, 40, 80)),)), "T6": blocks((((-90, 0, 0), (-60, 40, 80)),))}
+    stack = {f"T{n}": blocks((((-20 + 5 * n, 0, -30 * n), (20 + 5 * n, 30, 20 - 30 * n)),)) for n in range(3, 9)}
+    shown += ["== hips with the numbers of T5 and T6", *other_numbers(hips), *other_numbers(stack)]
+    check_shown("segmentation_doubts", shown)
 
 
-NAMES_OF_OTHERS = {
-    "vertebrae_T8": "T8",
-    "vertebrae_S1": "sacrum",
-    "rib_left_1": "rib_left_01",
-    "costal_cartilages": "costal_cartilages",
-    "clavicula_right": "clavicle_right",
-    "body_trunc": "skin",
-    "body_extremities": "extremities",
-    "subcutaneous_fat": "subcutaneous_fat",
-    "skeletal_muscle": "skeletal_muscle",
-    "eighth thoracic vertebra": "T8",
-    "left first rib": "rib_left_01",
-    "Right 7th rib": "rib_right_07",
-    "left third costal cartilage": "costal_cartilage_left_03",
-    "T8 vertebra": "T8",
-    "T8": "T8",
-}
-STRANGE = [
-    "spleen", "vertebrae_body", "intervertebral_discs", "hip_implant", "iliac_artery_left", "rib", "fifth rib",
-    "rib_left_14", "vertebrae_T14", "vertebrae_T0", "vertebrae", "gluteus_maximus_left", "hip", "left right hip",
-    "kidney_cyst_left", "", "8", "T", "costal_cartilage_left_11", "torso_fat", "heart", "body of sternum", "FMA1",
-]  # fmt: skip
+NAMES_OF_OTHERS = (
+    "vertebrae_T8", "vertebrae_S1", "rib_left_1", "costal_cartilages", "clavicula_right", "body_trunc",
+    "body_extremities", "subcutaneous_fat", "skeletal_muscle", "eighth thoracic vertebra", "left first rib",
+    "Right 7th rib", "left third costal cartilage", "T8 vertebra", "T8", "spleen", "vertebrae_body",
+    "intervertebral_discs", "hip_implant", "iliac_artery_left", "rib", "fifth rib", "rib_left_14", "vertebrae_T14",
+    "vertebrae_T0", "vertebrae", "gluteus_maximus_left", "hip", "left right hip", "kidney_cyst_left", "", "8", "T",
+    "costal_cartilage_left_11", "torso_fat", "heart", "body of sternum", "FMA1",
+)  # fmt: skip
 
 
-@pytest.mark.parametrize(("name", "ours"), NAMES_OF_OTHERS.items())
-def test_a_bone_is_known_by_the_names_of_others(name, ours):
-    assert known_name(name) == ours
-
-
-@pytest.mark.parametrize("name", STRANGE)
-def test_what_is_none_of_ours_is_left_over(name):
-    assert known_name(name) is None
-
-
-def test_tables_of_both_versions_name_the_same_bones():
-    ours = {version: {known_name(name) for name in table.values()} for version, table in TABLES.items()}
-    assert None not in ours["totalsegmentator-v2"]
-    assert ours["totalsegmentator-v2"] - ours["totalsegmentator-v1"] == {"sternum", "costal_cartilages"}
-    assert ours["totalsegmentator-v1"] < ours["totalsegmentator-v2"]
-
-
-def test_numbers_that_were_read_off_the_programs_themselves():
-    new, old = TABLES["totalsegmentator-v2"], TABLES["totalsegmentator-v1"]
-    assert [old[18], old[34], old[58], old[81], old[91]] == [
-        "vertebrae_L5", "vertebrae_T1", "rib_left_1", "rib_right_12", "hip_right",
-    ]  # fmt: skip
-    assert [new[27], new[43], new[50], new[69], new[78], new[92], new[115]] == [
-        "vertebrae_L5", "vertebrae_T1", "vertebrae_C1", "humerus_left", "hip_right", "rib_left_1", "rib_right_12",
-    ]  # fmt: skip
+def test_names_and_numbers_of_other_programs_are_as_accepted():
+    """Numbers were read off the programs themselves; what is none of ours is left over."""
+    tables = [f"{version} {number} {name}: {known_name(name)}" for version, table in TABLES.items()
+              for number, name in table.items()]  # fmt: skip
+    check_shown("names_of_bones", [*(f"{name!r}: {known_name(name)}" for name in NAMES_OF_OTHERS), *tables])
 
 
 def test_a_shell_and_a_body_with_holes_for_bones_are_filled_and_arms_beside_it_stay_apart():
@@ -211,12 +156,3 @@ def test_a_shell_and_a_body_with_holes_for_bones_are_filled_and_arms_beside_it_s
         mask = Mask(inside, (0, 0, 0), np.eye(4), inside.shape).filled()
         assert np.count_nonzero(mask.inside ^ whole) <= 84  # the gap, and voxels in four corners behind the arm
     assert not mask.inside[26:29, 12, 20].any()
-
-
-def test_numbers_of_another_model_are_named():
-    """Hips with the numbers of T5 and T6."""
-    hips = {"T5": blocks((((60, 0, 0), (90, 40, 80)),)), "T6": blocks((((-90, 0, 0), (-60, 40, 80)),))}
-    (said,) = other_numbers(hips)
-    assert "T5 and T6 lie 150 mm beside each other" in said
-    stack = {f"T{n}": blocks((((-20 + 5 * n, 0, -30 * n), (20 + 5 * n, 30, 20 - 30 * n)),)) for n in range(3, 9)}
-    assert other_numbers(stack) == []

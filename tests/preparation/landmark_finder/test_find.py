@@ -1,4 +1,4 @@
-"""Landmarks found on bones whose landmarks are known: blocks upright and in curves, and the real anatomy."""
+"""Landmarks found on bones whose landmarks are known: blocks, curved and broken ones too, and the real anatomy."""
 
 from collections.abc import Mapping
 
@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from support.anatomy import anatomy, anatomy_landmarks
-from support.blocks import VERTEBRA, blocks, moved, skeleton, spine_and_hips
+from support.blocks import VERTEBRA, blocks, known_landmarks, moved, skeleton, spine_and_hips
+from support.shown import check_shown, described
 from support.trunk_shapes import joined
 from warp_trunk import InputError, Landmarks, SpineCurve, Surface, find_landmarks
 from warp_trunk.case.anatomy import VERTEBRAE
@@ -18,26 +19,6 @@ from warp_trunk.spine.apical import axial_rotation
 from warp_trunk.spine.spine import asis_axis, spine_of
 
 SPINE = spine_and_hips()
-SOME = {name: SPINE[name] for name in ("hip_left", "hip_right", "T5", "T6", "T7", "T8", "T9")}
-
-
-def known_spine() -> Landmarks:
-    """Those of `spine_and_hips`, by its blocks; pedicles are as wide and high wherever they are cut."""
-    six = np.array([[0, -45, 20], [0, -45, 0], [11, -29, 18], [11, -29, 10], [-11, -29, 18], [-11, -29, 10]])
-    points = [0.8 * six + [0.0, 50.0, 440.0 - 20.0 * i] for i in range(len(VERTEBRAE))]
-    return Landmarks(tuple(f"{b}_{p}" for b in VERTEBRAE for p in VERTEBRA_POINTS), np.vstack(points))
-
-
-def test_points_of_a_vertebra_of_known_shape() -> None:
-    marks = find_landmarks(skeleton()).complete()
-    assert marks.names == (*(f"T7_{point}" for point in VERTEBRA_POINTS), "asis_left", "asis_right")
-    np.testing.assert_allclose(marks.points[:2], [[0, -45, 520], [0, -45, 500]], atol=0.1)
-    for side, sign in (("left", 1.0), ("right", -1.0)):
-        for end, height in (("superior", 518.0), ("inferior", 510.0)):
-            x, y, z = marks.point(f"T7_{side}_pedicle_{end}")
-            assert sign * x == pytest.approx(11.0, abs=0.2)
-            assert -30.0 < y < -18.0
-            assert z == pytest.approx(height, abs=0.2)
 
 
 def imposed(
@@ -49,6 +30,15 @@ def imposed(
     return curved, correct(straight, curve, 0.0), poses
 
 
+def check_known(marks: Landmarks, truth: Landmarks, turns: Mapping[str, np.ndarray]) -> None:
+    """Vertebrae have their landmarks; those of a pedicle lie anywhere along it, which is 10 mm long."""
+    for level in marks.vertebrae():
+        off = (marks.of_bone(level).points - truth.of_bone(level).points) @ turns.get(level, np.eye(3))
+        assert np.abs(off[:2]).max() < 0.3, level
+        assert np.abs(off[2:, [0, 2]]).max() < 0.3, level
+        assert -1.0 < off[2:, 1].min() <= off[2:, 1].max() < 9.0, level
+
+
 def rotation_off(measured: Landmarks, truth: Landmarks, left: np.ndarray) -> float:
     """Largest error of a vertebra's axial rotation [degrees]."""
     turned, right = (axial_rotation(spine_of(marks), left) for marks in (measured, truth))
@@ -56,124 +46,101 @@ def rotation_off(measured: Landmarks, truth: Landmarks, left: np.ndarray) -> flo
 
 
 @pytest.mark.parametrize(
-    "curve",
+    ("curve", "levels"),
     [
-        pytest.param(SpineCurve(kind="thoracic", cobb=90.0), marks=pytest.mark.slow),
-        pytest.param(SpineCurve(kind="thoracolumbar", cobb=45.0, direction="left"), marks=pytest.mark.slow),
-        SpineCurve(kind="double_major", cobb=75.0, apical_rotation=40.0),
+        (SpineCurve(kind="double_major", cobb=75.0, apical_rotation=40.0), VERTEBRAE[6:13]),
+        pytest.param(SpineCurve(kind="thoracic", cobb=90.0), VERTEBRAE, marks=pytest.mark.slow),
+        pytest.param(
+            SpineCurve(kind="thoracolumbar", cobb=45.0, direction="left"), VERTEBRAE, marks=pytest.mark.slow
+        ),
     ],
-    ids=["thoracic", "thoracolumbar", "double_major"],
+    ids=["double_major", "thoracic", "thoracolumbar"],
 )
-def test_curved_spine_of_known_landmarks(curve: SpineCurve) -> None:
-    curved, truth, poses = imposed(SPINE, known_spine(), curve)
-    marks = find_landmarks(curved).complete()
-    turns = np.array([poses[name].matrix for name in VERTEBRAE])
-    off = np.einsum("vpi,vij->vpj", (marks.points[:-2] - truth.points).reshape(-1, 6, 3), turns)
-    assert np.abs(off[:, :2]).max() < 0.3
-    assert np.abs(off[:, 2:, [0, 2]]).max() < 0.3
-    assert off[:, 2:, 1].min() > -1.0  # anywhere along the pedicle, which is 10 mm long
-    assert off[:, 2:, 1].max() < 9.0
-    assert rotation_off(Landmarks(truth.names, marks.points[:-2]), truth, np.array([1.0, 0.0])) < 0.7
-
-
-def test_iliac_spine_is_not_the_pubis() -> None:
-    for side, sign in (("left", 1.0), ("right", -1.0)):
-        x, y, z = find_landmarks(skeleton()).landmarks.point(f"asis_{side}")
-        assert y == -80.0
+def test_curved_spine_of_known_landmarks(curve: SpineCurve, levels: tuple[str, ...]) -> None:
+    bones, truth, poses = imposed(SPINE, known_landmarks(), curve)
+    marks = find_landmarks({name: bones[name] for name in (*levels, *ASIS.values())}).complete()
+    assert marks.names == (*(f"{level}_{point}" for level in levels for point in VERTEBRA_POINTS), *ASIS)
+    check_known(marks, truth, {name: pose.matrix for name, pose in poses.items()})
+    names = marks.names[:-2]
+    true_marks = Landmarks(names, np.array([truth.point(name) for name in names]))
+    assert rotation_off(Landmarks(names, marks.points[:-2]), true_marks, np.array([1.0, 0.0])) < 0.7
+    for side, sign in (("left", 1.0), ("right", -1.0)):  # not the pubis, which is further forward
+        x, y, z = (marks.point(f"asis_{side}") - [0.0, 20.0, 0.0]) / 0.8
+        assert y == pytest.approx(-80.0)
         assert z > 80.0
         assert sign * x >= 80.0
 
 
-def test_missing_bones_are_named_and_the_others_found() -> None:
-    landmarks = find_landmarks({name: bone for name, bone in SOME.items() if name not in ("hip_right", "T7")})
-    assert set(landmarks.unsure) == {"T7", "asis_left", "asis_right"}
-    assert "between T5 and T9" in landmarks.unsure["T7"]
-    assert "'hip_right' is missing" in landmarks.unsure["asis_left"]
-    assert landmarks.landmarks.vertebrae() == ("T5", "T6", "T8", "T9")
-    with pytest.raises(InputError, match=r"no landmarks on 'T7'.*no surface"):
-        landmarks.complete()
-    with pytest.raises(InputError, match="any of T1 to L5 is missing"):
-        find_landmarks({name: bone for name, bone in skeleton().items() if name != "T7"})
+def of_blocks(level: str, *boxes) -> Surface:
+    """A vertebra of these blocks at its place."""
+    return moved(blocks(boxes), 0.8 * np.eye(3), [0.0, 50.0, 440.0 - 20.0 * VERTEBRAE.index(level)])
 
 
-def without_faces(surface: Surface) -> Surface:
-    return Surface(surface.vertices, surface.faces[20:])
+def tilted(bone: Surface, degrees: float) -> Surface:
+    """It leans forward or back about its centroid."""
+    angle, centre = np.radians(degrees), bone.vertices.mean(axis=0)
+    turn = np.array(
+        [[1, 0, 0], [0, np.cos(angle), -np.sin(angle)], [0, np.sin(angle), np.cos(angle)]], dtype=float
+    )
+    return moved(bone, turn, list(centre - turn @ centre))
 
 
-def of_blocks(*boxes) -> Surface:
-    return moved(blocks(boxes), 0.8 * np.eye(3), [0.0, 50.0, 440.0 - 20.0 * 6])  # where T7 is
-
-
+BODY, _, _, *BEHIND = VERTEBRA
+RIDGE = ((2, -30, 14), (6, -28, 18))
+"""Of the wall of the body beside the midline, as coarse voxels make it: no pedicle."""
+UNEQUAL = ((8, -30, 4), (14, -18, 18)), ((-14, -30, 12), (-8, -18, 18))
+"""Pedicles: the left one is twice as high as the right one."""
 FUSED = (
     *(((a[0], a[1], a[2] - up), (b[0], b[1], b[2] - up)) for up in (0, 24) for a, b in VERTEBRA),
     ((-16, -60, -6), (16, -30, 2)),  # bone in place of the disc
 )
-ONE_PEDICLE = (*VERTEBRA[:2], *VERTEBRA[3:])
-NO_ARCH = (VERTEBRA[0],)
-NO_CANAL = (*VERTEBRA, ((-16, -30, 0), (16, -10, 20)))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("broken", "reason"),
-    [
-        (of_blocks(*ONE_PEDICLE), "pedicle"),
-        (of_blocks(*NO_ARCH), "no canal"),
-        (of_blocks(*NO_CANAL), "no canal"),
-        (of_blocks(*FUSED), "two vertebrae fused"),
-        (without_faces(SPINE["T7"]), "hole"),
-        (joined(SPINE["T7"], SPINE["T8"]), "2 pieces"),
-    ],
-    ids=["one pedicle", "no arch", "no canal", "fused", "hole", "two pieces"],
-)
-def test_vertebra_that_cannot_be_told_is_named_and_the_others_found(broken: Surface, reason: str) -> None:
-    landmarks = find_landmarks({**SOME, "T7": broken})
-    assert reason in landmarks.unsure["T7"]
-    assert list(landmarks.unsure) == ["T7"]
-    assert list(landmarks.vertebrae) == ["T5", "T6", "T8", "T9"]
+def broken_spine() -> dict[str, Surface]:
+    """A fault at most levels; T4, T8, T9, T12, L2 and L4 have none, and T4 has a ridge."""
+    top, open_one = SPINE["T1"].vertices[:, 2].max(), SPINE["L1"]
+    return {
+        **{name: bone for name, bone in SPINE.items() if name != "T11"},
+        "rib_left_01": moved(blocks((((40, -20, -60), (50, -10, 0)),)), np.eye(3), [0.0, 0.0, top]),
+        "T2": of_blocks("T2", *VERTEBRA, ((-16, -30, 0), (16, -10, 20))),  # a canal that is filled
+        "T3": of_blocks("T3", BODY, VERTEBRA[1], *BEHIND),
+        "T4": of_blocks("T4", *VERTEBRA, RIDGE),
+        "T5": of_blocks("T5", BODY),
+        "T6": SPINE["T7"],
+        "T7": SPINE["T6"],
+        "T10": of_blocks("T10", *FUSED),
+        "L1": Surface(open_one.vertices, open_one.faces[20:]),
+        "L3": tilted(SPINE["L3"], 28.0),
+        "L5": of_blocks("L5", BODY, *UNEQUAL, *BEHIND),
+    }
 
 
-RIDGE = ((2, -30, 14), (6, -28, 18))
-"""A ridge of the wall of the body beside the midline, as coarse voxels make it."""
+def test_the_doubts_of_a_broken_spine_are_as_accepted() -> None:
+    """Each bone without landmarks has a reason, and the others have their landmarks."""
+    landmarks = find_landmarks(broken_spine())
+    check_known(landmarks.landmarks, known_landmarks(), {})
+    doubts = [f"{name}: {why}" for name, why in landmarks.unsure.items()]
+    apart = find_landmarks(
+        {"T7": joined(SPINE["T7"], SPINE["T9"]), "T8": SPINE["T8"], "hip_left": SPINE["hip_left"]}
+    )
+    check_shown(
+        "landmark_doubts",
+        [
+            *(f"{name} {described(landmarks.landmarks.point(name))}" for name in landmarks.landmarks.names),
+            *doubts,
+            "== T7 with T9, T8 and a hip bone",
+            *(f"{name}: {why}" for name, why in apart.unsure.items()),
+        ],
+    )
+    with pytest.raises(InputError, match=r"no landmarks on 'T1'.*give that bone whole"):
+        landmarks.complete()
 
 
-def test_a_ridge_of_the_wall_is_not_taken_for_a_pedicle() -> None:
-    whole, ridged = (find_landmarks({**SOME, "T7": of_blocks(*VERTEBRA, *more)}) for more in ((), (RIDGE,)))
-    assert not ridged.unsure
-    lateral = [ridged.landmarks.point(f"T7_{side}_pedicle_superior")[0] for side in ("left", "right")]
-    expected = [whole.landmarks.point(f"T7_{side}_pedicle_superior")[0] for side in ("left", "right")]
-    np.testing.assert_allclose(lateral, expected, atol=0.3)
-
-
-def test_a_pedicle_unlike_the_opposite_one_is_in_doubt() -> None:
-    pedicles = ((8, -30, 4), (14, -18, 18)), ((-14, -30, 12), (-8, -18, 18))
-    landmarks = find_landmarks({**SOME, "T7": of_blocks(VERTEBRA[0], *pedicles, *VERTEBRA[3:])})
-    assert list(landmarks.unsure) == ["T7"]
-    assert "left pedicle is" in landmarks.unsure["T7"]
-
-
-def test_vertebrae_that_the_image_cuts_off_are_in_doubt() -> None:
-    top = SPINE["T5"].vertices[:, 2].max()
-    rib = moved(blocks((((40, -20, -60), (50, -10, 0)),)), np.eye(3), [0.0, 0.0, top])
-    assert not find_landmarks(SOME).unsure
-    assert not find_landmarks({**SOME, "rib_left_05": moved(rib, np.eye(3), [0.0, 0.0, -5.0])}).unsure
-    landmarks = find_landmarks({**SOME, "rib_left_05": rib})
-    assert list(landmarks.unsure) == ["T5"]
-    assert "it ends flat at z = 376 mm, as rib_left_05 does" in landmarks.unsure["T5"]
-
-
-def test_a_vertebra_off_the_curve_of_its_neighbours_is_in_doubt() -> None:
-    tilt = np.radians(28.0)
-    turn = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
-    centre = SPINE["T7"].vertices.mean(axis=0)
-    tilted = moved(SPINE["T7"], turn, list(centre - turn @ centre))
-    assert "28 degrees off the curve of the spine" in find_landmarks({**SOME, "T7": tilted}).unsure["T7"]
-
-
-def test_exchanged_names_are_told() -> None:
-    landmarks = find_landmarks({**SOME, "T7": SPINE["T8"], "T8": SPINE["T7"]})
-    assert set(landmarks.unsure) == {"T7", "T8"}
-    assert "names exchanged" in landmarks.unsure["T7"]
+def test_a_spine_that_ends_above_a_rib_is_not_cut_off_and_one_without_vertebrae_is_refused() -> None:
+    rib = moved(blocks((((40, -20, -60), (50, -10, 0)),)), np.eye(3), [0.0, 0.0, 515.0])
+    assert not find_landmarks({**skeleton(), "rib_left_07": rib}).unsure
+    with pytest.raises(InputError, match="any of T1 to L5 is missing"):
+        find_landmarks({name: bone for name, bone in skeleton().items() if name != "T7"})
 
 
 def test_real_anatomy() -> None:
