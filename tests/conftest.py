@@ -1,6 +1,7 @@
 """Fixtures that tests of several rooms share. This folder is on the import path, for the package support in it."""
 
 import os
+import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
@@ -17,7 +18,6 @@ from support.refusals import plain_line, row
 from support.report_results import write_small_result
 from warp_trunk.cli import main
 from warp_trunk.cli.output import BAD_INPUT
-from warp_trunk.results import read_result
 
 
 def pytest_configure() -> None:
@@ -49,20 +49,15 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
 
 @pytest.fixture(scope="session")
 def plain_report(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The report of a result without an actual skin, and with a name that is markup."""
+    """The report of a result with a name that is markup, by a program that must load neither Warp nor the viewer.
+
+    Each costs as much as all pictures of the spine; nor can a report wait for kernels that are compiled.
+    """
     folder = write_small_result(tmp_path_factory.mktemp("plain"), name='<script>alert("x")</script> & Co')
-    from warp_trunk.report.writing import write_report  # brings matplotlib, which few tests need
-
-    return write_report(read_result(folder))
-
-
-@pytest.fixture(scope="session")
-def compared_report(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The report of a result with an actual skin, turned 3 degrees further, and without the level T8."""
-    folder = write_small_result(tmp_path_factory.mktemp("compared"), turn_more=3.0, without="T8")
-    from warp_trunk.report.writing import write_report  # brings matplotlib, which few tests need
-
-    return write_report(read_result(folder))
+    code = f"from warp_trunk.cli import main; main(['report', {str(folder)!r}])"
+    code += "; import sys; sys.exit(bool({'warp', 'rerun'} & {*sys.modules}))"
+    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+    return folder / "report.html"
 
 
 @pytest.fixture

@@ -9,10 +9,9 @@ from support.chromium import needs_chromium, open_page
 pytestmark = [needs_chromium, pytest.mark.slow]
 
 
-@pytest.fixture(scope="module", params=["plain_report", "compared_report"])
-def opened(request):
-    page = request.getfixturevalue(request.param)
-    return page, open_page(page)
+@pytest.fixture(scope="module")
+def opened(plain_report):
+    return plain_report, open_page(plain_report)
 
 
 def test_nothing_complains_and_nothing_is_asked_for(opened):

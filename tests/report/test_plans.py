@@ -7,11 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from support.drawn import drawn_figures
 from support.known_spine import known_spine
 from support.report_results import write_small_result
 from support.trunk_shapes import posed
-from warp_trunk.cli import main
 from warp_trunk.errors import InputError
 from warp_trunk.measures.quantities import QUANTITIES, Measured, MeasureTable
 from warp_trunk.measures.rows import MeasureRow, measure_rows
@@ -75,25 +73,6 @@ def test_plans_within_the_interval_of_their_difference_are_alike(three):
     assert not any(gap.differs for gap in apart if gap.row.quantity.key == "cobb_deg" and gap.low is not None)
     cells = {row[0]: row[1] for row in apart_table(apart)}
     assert re.fullmatch(r"not known \(28 better to 3.\d worse\)", cells["Cobb angle T5 to T12 [°]"])
-
-
-def test_page_holds_every_plan_and_nothing_from_outside(tmp_path, capsys):
-    folders = [write_small_result(tmp_path / name, name=f"<b>{name}</b>") for name in ("first", "second")]
-    (folders[1] / "plan.toml").write_text('uiv = "T4"  # <i>\nliv = "L1"\n', encoding="utf-8")
-    with drawn_figures():
-        assert main(["report", *map(str, folders)]) == 0
-    page = tmp_path / "plans.html"
-    assert str(page) in capsys.readouterr().out
-    text = page.read_text(encoding="utf-8")
-    assert "&lt;b&gt;first&lt;/b&gt;" in text
-    assert text.count("# &lt;i&gt;") == 1  # the file of the plan, at the end
-    assert text.index("T4 to L1 joined (10 vertebrae)") < text.index("What differs") < text.index("# &lt;i&gt;")
-    assert "http" not in re.sub(r'base64,[^"]*|plain">[^<]*', "", text).replace("http-equiv", "")
-    assert text.count("<img") == 5
-    assert sorted(path.stem for path in (tmp_path / "plans").iterdir()) == [
-        "back", "hump", "rotation", "spine_behind", "spine_side",
-    ]  # fmt: skip
-    assert "Too alike to choose by" in text
 
 
 def test_another_patient_a_plan_given_twice_and_too_many_are_refused(tmp_path):

@@ -1,13 +1,10 @@
 """The trunk to turn: what it shows in a real browser, against rays and against its own parts."""
 
-import base64
 import json
-import zlib
 from collections.abc import Iterator
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -21,17 +18,14 @@ from playwright.sync_api import Page, sync_playwright
 from support.asserting import not_none
 from support.chromium import CHROMIUM, WEBGL, needs_chromium
 from support.report_results import write_small_result
-from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.io.surface_files import read_surface, write_surface
-from warp_trunk.report import skin_pictures
-from warp_trunk.report.plots import TICK, section_plots
-from warp_trunk.report.skin_pictures import hatch_invented, looks
+from warp_trunk.report.skin_pictures import looks
 from warp_trunk.report.style import TrunkState, dressed
 from warp_trunk.report.turning import TurningState, script, turning
 from warp_trunk.report.writing import poses_of, write_report
 from warp_trunk.results import read_result
-from warp_trunk.views.clothing import COLUMNS, SHIRT, SHORTS, cloth_faces, cloth_of
-from warp_trunk.views.relief import BEHIND, FRONT, RIGHT, Viewpoint
+from warp_trunk.views.clothing import COLUMNS, SHIRT, SHORTS, cloth_of
+from warp_trunk.views.relief import BEHIND, RIGHT, Viewpoint
 
 
 def test_twenty_thousand_vertices_take_less_than_a_megabyte_and_a_half() -> None:
@@ -48,81 +42,8 @@ def test_twenty_thousand_vertices_take_less_than_a_megabyte_and_a_half() -> None
             TurningState(f"state {wave}", skin, cloth.reshape(-1, COLUMNS, 3), hump, np.abs(hump) / 20.0)
         )
     colours = random.integers(0, 256, (20_000, 3), np.uint8)
-    packed = turning(states, faces, colours=colours)
+    packed = turning(states, faces, colours=colours, bare=False)
     assert len(json.dumps(packed.info)) + len(packed.data) + len(script()[0]) < 1.5e6
-
-
-def unfolded(data: bytes) -> np.ndarray:
-    """Numbers that `turning` packs: low bytes, then high ones, of folded differences."""
-    half = len(data) // 2
-    low, high = (np.frombuffer(part, np.uint8).astype(np.int64) for part in (data[:half], data[half:]))
-    folded = low | high << 8
-    steps = (folded >> 1) ^ -(folded & 1)
-    return np.cumsum(steps)
-
-
-def test_only_what_was_not_measured_is_hatched_of_the_trunk_to_turn() -> None:
-    up, turn = (each.ravel() for each in np.meshgrid(np.arange(8.0), np.arange(12.0), indexing="ij"))
-    skin = np.column_stack([np.cos(turn / 6.0 * np.pi), np.sin(turn / 6.0 * np.pi), 0.3 * up]) * 100.0
-    cloth = np.zeros(((SHORTS + SHIRT), COLUMNS, 3))
-    state = TurningState("before", skin, cloth, np.zeros(len(skin)), np.zeros(len(skin)))
-    front = skin[:, 1] < -20.0
-    faces = grid_faces(8, 12, closed=True)
-    packed = turning([state], faces, unseen=front.astype(np.float64))
-    assert packed.info["invented"]
-    data, count = zlib.decompress(base64.b64decode(packed.data)), len(skin)
-    y_at = 2 * (2 * 3 * len(faces) + count)  # after the triangles, in two parts each, and x
-    y = unfolded(data[y_at : y_at + 2 * count]) * packed.info["step"]
-    np.testing.assert_array_equal(unfolded(data[-2 * count :]) == 1, y + skin[:, 1].min() < -20.0)
-    assert not turning([state], faces).info["invented"]
-
-
-def test_what_was_not_measured_is_hatched_in_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The left half of the back and of the shirt in front, and nothing of a trunk that was measured."""
-    masks: list[np.ndarray] = []
-    monkeypatch.setattr(skin_pictures, "hatch", lambda _, __, doubtful: masks.append(doubtful > 0.5))
-    pose = poses_of(read_result(write_small_result(tmp_path)))[0]
-    left = pose.skin.vertices[:, 0] > pose.skin.vertices[:, 0].mean()
-    for view in (BEHIND, FRONT):
-        (fitted,) = dressed([replace(pose, unseen=left.astype(np.float64))])
-        seen, reliefs = looks([fitted], view)
-        hatch_invented([None], [fitted], reliefs, seen, view)  # type: ignore[list-item]
-        columns = np.flatnonzero(masks[-1].any(axis=0))
-        body = np.flatnonzero(np.isfinite(reliefs[0].depth).any(axis=0))
-        share = len(columns) / len(body)
-        assert 0.35 < share < 0.65
-        assert (columns.mean() < body.mean()) == (view is BEHIND)  # the patient's left is on the left from behind
-    hatch_invented([None], [pose], reliefs, seen, view)  # type: ignore[list-item]
-    assert len(masks) == 2
-
-
-def test_the_outline_of_a_section_is_hatched_where_it_was_not_measured(tmp_path: Path) -> None:
-    pose, after = poses_of(read_result(write_small_result(tmp_path)))
-    invented = (pose.skin.vertices[:, 0] > pose.skin.vertices[:, 0].mean()).astype(np.float64)
-    figure: Any = section_plots([replace(pose, unseen=invented), after])
-    panel = next(axes for axes in figure.axes if axes.lines)
-    lines = {str(line.get_label()): line.get_xydata() for line in panel.lines}
-    ticks = lines["hatched: not measured"].reshape(-1, 3, 2)
-    assert len(ticks) > 10
-    np.testing.assert_allclose(ticks[:, 1] - ticks[:, 0], 2.0 * TICK * np.ones((len(ticks), 2)))
-    assert np.isnan(ticks[:, 2]).all()
-    outline = lines[pose.look.title]
-    middle = 0.5 * (outline[:, 0].min() + outline[:, 0].max())
-    assert ticks[:, :2, 0].min() > middle - 15.0  # x is to the left
-    assert ticks[:, :2, 0].max() > outline[:, 0].max() - 5.0
-
-
-def test_cloth_lies_outside_the_skin_and_its_triangles_face_out(tmp_path: Path) -> None:
-    pose = dressed(poses_of(read_result(write_small_result(tmp_path))))[1]
-    assert pose.worn is not None
-    places, faces = pose.worn.cloth.reshape(-1, 3), cloth_faces()
-    a, b, c = places[faces].swapaxes(0, 1)
-    middle = (a + b + c) / 3.0 - places.mean(axis=0)
-    out = np.einsum("ij,ij->i", np.cross(b - a, c - a)[:, :2], middle[:, :2])
-    assert (out > -1e-6).all()
-    middle = (places[:, 2] > places[:, 2].min() + 5.0) & (places[:, 2] < places[:, 2].max() - 5.0)
-    distance = SurfaceDistance(pose.worn.skin).nearest(places[middle]).distance
-    assert 0.5 < distance.min() < 4.5
 
 
 def test_a_lower_cut_that_is_not_level_leaves_the_shorts_as_wide_as_the_skin(tmp_path: Path) -> None:

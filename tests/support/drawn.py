@@ -11,6 +11,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from warp_trunk.report import skin_pictures
+from warp_trunk.views.relief import BEHIND
+
 PIXEL = base64.b64decode(
     b"iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAIAAACQd1PeAAAADElEQVR4nGP4//8/AAX+Av4N70a4AAAAAElFTkSuQmCC"
 )
@@ -30,6 +33,8 @@ def drawn_figures() -> Iterator[dict[str, Any]]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Figure, "savefig", save)
+        patch.setattr(skin_pictures, "FINE", 2.0)  # pixels take most of the time that is left
+        patch.setattr(skin_pictures.looks, "__defaults__", (BEHIND, 2.0, "shorts"))
         yield figures
 
 
@@ -61,16 +66,20 @@ def slope_on_page(axes: Any, ends: np.ndarray) -> float:
 
 
 class Page(HTMLParser):
-    """The words of a page that a reader sees, and the rows of its tables by their first cell."""
+    """The words of a page that a reader sees or hears, the rows of its tables by first cell, and its data."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
-        self.words, self.rows, self._cells, self._hidden = "", dict[str, list[str]](), list[str](), False
+        self.words, self.rows, self.scripts = "", dict[str, list[str]](), list[str]()
+        self._cells, self._hidden = list[str](), False
         self.feed(text)
         self.words = " ".join(self.words.split())
 
     def handle_starttag(self, tag: str, attrs: Any) -> None:
         self._hidden = self._hidden or tag in ("script", "style")
+        if "type" in dict(attrs) and tag == "script":
+            self.scripts.append("")
+        self.words += f" [{dict(attrs)['alt']}]" if tag == "img" else ""
         if tag == "tr":
             self._cells = []
         elif tag in ("td", "th"):
@@ -85,6 +94,8 @@ class Page(HTMLParser):
             self._cells = []
 
     def handle_data(self, data: str) -> None:
+        if self._hidden and self.scripts and not self.scripts[-1]:
+            self.scripts[-1] = data
         if not self._hidden:
             self.words += data
             if self._cells:

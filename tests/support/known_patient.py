@@ -17,9 +17,11 @@ import numpy as np
 from support.known_spine import LEVELS, known_spine
 from support.meshes import trunk, with_skin
 from support.small_trunk import made_up_increments
+from warp_trunk.bone_motion.plan import CurvePlan, Plan
 from warp_trunk.case import Case
-from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.case.layers import Layers
+from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks
+from warp_trunk.case.motions import Motion
+from warp_trunk.case.points import Points
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.parallel import Parallel
 from warp_trunk.engine.physics import Physics
@@ -124,6 +126,8 @@ AFTER = Shape(
     shoulders=0.03,
 )
 
+PLAN = Plan(uiv="T4", liv="T12", curves=(CurvePlan(apex="T8", correction=0.5),))
+"""A plan that asks something of her thoracic curve; the others follow."""
 ACTUAL = replace(AFTER, back={"T1": 1.6, "T8": 9.8, "T12": -0.6, "L3": -12.2, "L5": -2.8}, shoulders=0.05)
 """The skin as it was scanned after surgery, with the spine as it was planned."""
 
@@ -144,7 +148,9 @@ def known_mesh(after: Shape = AFTER, *, mirrored: bool = False) -> tuple[TrunkMe
     edges = nodes[tets[:, 1:]] - nodes[tets[:, :1]]
     inside_out = np.linalg.det(edges) < 0.0
     tets[inside_out] = tets[inside_out][:, [0, 2, 1, 3]]
-    mesh = replace(with_skin(trunk(nodes, tets, node[1:-1, -1])), bone_names=("T8",))
+    bone = node[1:-1, -1]
+    strip = np.column_stack([bone[:-2], bone[1:-1], bone[2:]])
+    mesh = replace(with_skin(trunk(nodes, tets, bone)), bone_names=("T8",), bone_faces=strip)
     return mesh, moved - nodes
 
 
@@ -182,6 +188,22 @@ def known_increments(displacement: np.ndarray, mesh: TrunkMesh) -> list[Any]:
     return [replace(i, displacement=displacement * i.load_factor) for i in made_up_increments(mesh, count=2)]
 
 
+def known_part() -> tuple[Case, TrunkMesh, np.ndarray]:
+    """Her trunk as a part of the body without a spine, with points that are followed."""
+    case, mesh, displacement = known_case(actual=ACTUAL)
+    marks = Landmarks(("tip", "bone"), np.array([case.skin.vertices[100], mesh.nodes[mesh.prescribed][10]]))
+    part = replace(
+        case,
+        name="known part",
+        bones={"sternum": case.bones["T8"]},
+        landmarks_before=NO_LANDMARKS,
+        landmarks_after=None,
+        motions={"sternum": Motion(translation=(1.0, -2.0, 3.0))},
+        points=Points(marks, {"tip": "bone"}),
+    )
+    return part, replace(mesh, bone_names=("sternum",)), displacement
+
+
 def write_known_result(
     folder: Path,
     after: Shape = AFTER,
@@ -189,17 +211,15 @@ def write_known_result(
     mirrored: bool = False,
     intervals: FoundBands | None = None,
     actual: Shape | None = None,
-    layered: tuple[Case, TrunkMesh] | None = None,
+    instead: tuple[Case, TrunkMesh] | None = None,
+    **changes: Any,
 ) -> Path:
-    """The folder of her result; the case and its mesh may have layers."""
+    """The folder of her result; of another case and mesh of the same nodes, or with fields of her case changed."""
     case, mesh, displacement = known_case(after, mirrored=mirrored, actual=actual)
-    tissues = case.tissue
-    if layered is not None:
-        case, mesh = layered
-        tissues = (case.layers or Layers()).tissues(case.tissue)
+    case, mesh = instead or (replace(case, **changes), mesh)
     model = build_model(
         mesh,
-        tissues,
+        case.tissue if case.layers is None else case.layers.tissues(case.tissue),
         physics=Physics(energy="itmsm", skin_rigidity=0.0),
         device=Parallel("cpu", 1),
         precision="float64",

@@ -5,16 +5,19 @@ the size, the ends, the range and the mean. Who changes an output reads the diff
 it by `WARP_TRUNK_ACCEPT=1 pytest -k as_accepted`.
 """
 
+import base64
 import difflib
+import json
 import os
 import re
+import zlib
 from collections.abc import Iterable, Iterator
 from enum import Enum
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib import artist, collections, image, lines, patches, spines, text
+from matplotlib import artist, collections, contour, image, lines, patches, spines, text
 from matplotlib.figure import Figure
 from rerun.chunk import RrdReader
 
@@ -29,6 +32,8 @@ CLOSE = 2e-3
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?(?![\w])")
 KEY = re.compile(r"[0-9a-f]{8}-?(?:[0-9a-f]{4}-?){3}[0-9a-f]{12}")
 """A name that is drawn by lot."""
+VISER = {"order", "font_size_mode", "font_scene_height", "depth_test", "thickness_units", "wireframe"}
+"""Properties that viser gives to every object or control."""
 
 
 def check_shown(name: str, shown: Iterable[str]) -> None:
@@ -74,7 +79,10 @@ def described(value: Any) -> str:
     array = array.astype(float)
     if array.size <= SHORT:
         return _rounded(array)
-    rows = array.reshape(len(array), -1)[:, :4]
+    rows = array.reshape(len(array), -1)[:, :6]
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    if not len(rows):
+        return f"{array.shape} without a number"
     weights = np.arange(1, len(rows) + 1) / len(rows)
     parts = {"ends": rows[[0, -1]], "least": rows.min(axis=0), "most": rows.max(axis=0)}
     parts |= {"mean": rows.mean(axis=0), "weighted": weights @ rows / len(rows)}
@@ -88,10 +96,10 @@ def _numeric(value: Any) -> bool:
         return False
 
 
-def _rounded(array: np.ndarray) -> str:
+def _rounded(array: np.ndarray, digits: int = 5) -> str:
     scale = float(np.abs(array[np.isfinite(array)]).max(initial=0.0))
     small = np.abs(array) < 1e-6 * max(scale, 1.0)
-    words = np.vectorize("{:.5g}".format, otypes=[object])(np.where(small, 0.0, array)).tolist()
+    words = np.vectorize(f"{{:.{digits}g}}".format, otypes=[object])(np.where(small, 0.0, array)).tolist()
     return str(words).replace("'", "")
 
 
@@ -110,7 +118,7 @@ def recording_lines(path: Path) -> Iterator[str]:
                     if value is not None:
                         if name.endswith(("colors", "albedo_factor")):  # four bytes in one number
                             value = np.array(value, dtype=">u4").view(np.uint8).reshape(-1, 4)
-                        when = f" at {steps[row]}" if steps else ""
+                        when = " always" if chunk.is_static else f" at {steps[row]}" if steps else ""
                         rows.add(f"{described(chunk.entity_path)}{when} {name}: {described(value)}")
         yield f"== {store.kind}"
         yield from sorted(rows)
@@ -121,11 +129,11 @@ def figure_lines(name: str, figure: Figure) -> Iterator[str]:
     yield f"== {name}: {described(figure.get_size_inches())} inches"
     yield from _drawn(figure.texts)
     for axes in figure.axes:
-        yield f"-- axes {described([axes.get_xlim(), axes.get_ylim()])}, aspect {axes.get_aspect()}"
-        yield from (
-            f"label {title!r}" for title in (axes.get_title(), axes.get_xlabel(), axes.get_ylabel()) if title
-        )
-        yield from _drawn(axes.get_children())
+        box = axes.get_position().bounds if figure.get_layout_engine() is None else "laid out"
+        ends = described([axes.get_xlim(), axes.get_ylim()])
+        yield f"-- axes in {described(box)} from {ends}, aspect {axes.get_aspect()}"
+        yield from (f"label {title!r}" for title in (axes.get_xlabel(), axes.get_ylabel()) if title)
+        yield from _drawn(part for part in axes.get_children() if part is not axes.patch)
         if legend := axes.get_legend():
             yield f"legend {[entry.get_text() for entry in legend.get_texts()]}"
 
@@ -146,9 +154,19 @@ def _drawn(artists: Iterable[artist.Artist]) -> Iterator[str]:
         elif isinstance(part, collections.Collection):
             ways = [path.vertices for path in part.get_paths()]
             corners = np.concatenate(ways) if ways else np.empty((0, 2))
-            yield f"{type(part).__name__} of {len(ways)}: {described(corners)}, {described(part.get_offsets())}"
+            levels = ""
+            if isinstance(part, contour.ContourSet):
+                styles: Any = part.get_linestyle()
+                dashed = "dashed" if any(dashes for _, dashes in styles) else "solid"
+                levels = f" {dashed} at {described(part.levels)}"
+            places = part.get_offsets() if np.any(part.get_offsets()) else ""
+            yield f"{type(part).__name__}{levels} of {len(ways)}: {described(corners)} {described(places)}"
         elif isinstance(part, image.AxesImage):
-            yield f"picture {described(part.get_extent())} {described(np.asarray(part.get_array()))}"
+            pixels = np.asarray(part.get_array(), dtype=float)
+            blocks = [np.array_split(rows, 4, axis=1) for rows in np.array_split(pixels, 6)]
+            means = [[block.mean(axis=(0, 1)).tolist() for block in row] for row in blocks]
+            yield f"picture of {pixels.shape} in {described(part.get_extent())}, colours from the top:"
+            yield from (f"  {_rounded(np.array(row), 4)}" for row in means)
 
 
 def _frame(part: artist.Artist) -> str:
@@ -166,10 +184,27 @@ def _label(part: artist.Artist) -> str:
 
 
 def page_lines(page: Page) -> Iterator[str]:
-    """The sentences of a page and the rows of its tables."""
+    """The sentences of a page, the rows of its tables, and the trunk to turn."""
     yield from re.sub("Versions .* Seconds", "Versions, and Seconds", page.words).split(". ")
     rows = (" | ".join([title, *cells]) for title, cells in page.rows.items() if title not in PACKAGES)
     yield from (row for row in rows if not row.startswith(("python |", "platform |")))
+    info, *data = page.scripts or ["{}"]
+    if trunk := json.loads(info):
+        yield from _turning(trunk, zlib.decompress(base64.b64decode(data[0])))
+
+
+def _turning(info: dict[str, Any], data: bytes) -> Iterator[str]:
+    """The states of a trunk to turn, each column of numbers as `turning.js` reads it."""
+    yield f"== the trunk to turn: {described(info)}"
+    skin, cloth, states = info["vertices"], info["cloth"], len(info["states"])
+    columns = [3 * info["faces"]] * 2 + [skin] * 3 * states + [3 * info["clothFaces"]] * 2 + [cloth] * 3 * states
+    columns += [skin] * 2 * states
+    columns += [(len(data) - 2 * sum(columns) - 2 * skin * (3 * info["coloured"] + info["invented"])) // 2]
+    for count in [*columns, *[skin] * (3 * info["coloured"] + info["invented"])]:
+        low, high = np.frombuffer(data[: 2 * count], np.uint8).reshape(2, count).astype(np.int64)
+        folded, data = low | high << 8, data[2 * count :]
+        numbers = np.cumsum(folded >> 1 ^ -(folded & 1)).astype(np.int16)
+        yield described(numbers)
 
 
 def report_lines(page: Page, figures: dict[str, Figure]) -> Iterator[str]:
@@ -180,17 +215,23 @@ def report_lines(page: Page, figures: dict[str, Figure]) -> Iterator[str]:
 
 
 def scene_lines(server: Any) -> Iterator[str]:
-    """The objects in the picture of a live page, and its switches, lists and texts."""
+    """How a live page looks at first, the objects in its picture, and its switches, lists and texts."""
+    for message in server._websock_server._broadcast_buffer.message_from_id.values():
+        if type(message).__name__.startswith(("Theme", "EnableLights", "SetCamera", "SetGuiPanelLabel")):
+            yield f"-- {type(message).__name__} {_properties(message)}"
     for name, handle in sorted(server.scene._handle_from_node_name.items()):
         own = handle._impl
-        yield f"-- {name} {'shown' if own.visible else 'hidden'} {described(own.position)} {described(own.wxyz)}"
-        yield _properties(own.props)
+        if "axes_length" not in vars(own.props):
+            where = f"{described(own.position)} {described(own.wxyz)}"
+            yield f"-- {name} {'shown' if own.visible else 'hidden'} {where} {_properties(own.props)}"
     containers = server.gui._container_handle_from_uuid.values()
     handles = [handle for container in containers for handle in container._children.values()]
     for handle in sorted(handles, key=lambda handle: float(handle._impl.props.order)):
-        yield f"-- {type(handle).__name__} {described(getattr(handle, 'value', None))}"
-        yield _properties(handle._impl.props)
+        value = described(getattr(handle, "value", None))
+        yield f"-- {type(handle).__name__} {value} {_properties(handle._impl.props)}"
 
 
 def _properties(record: Any) -> str:
-    return "; ".join(f"{name} {described(value)}" for name, value in vars(record).items() if name != "order")
+    """The properties of a record that say something of it."""
+    parts = vars(record).items()
+    return "; ".join(f"{name} {described(value)}" for name, value in parts if name[0] != "_" and name not in VISER)

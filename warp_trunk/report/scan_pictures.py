@@ -98,8 +98,8 @@ def scan_picture(measures: BackMeasures, scan: BackPoints) -> bytes:
                 ends = np.stack([at.tangent.left, at.tangent.right])
                 axes.plot(ends[:, 0], [at.height] * 2, color=INK, lw=0.9, marker="o", ms=2.0)
             words = level if at.tangent is not None else f"{level} –"
-            axes.annotate(words, (high[0] - 5.0, at.height), fontsize=7, color=INK, ha="right", va="center")
-        axes.set(xlim=(low[0], high[0]), ylim=(low[2], high[2]), aspect="equal", xlabel="to the left [mm]")
+            axes.annotate(words, (low[0] + 5.0, at.height), fontsize=7, color=INK, ha="right", va="center")
+        axes.set(xlim=(high[0], low[0]), ylim=(low[2], high[2]), aspect="equal", xlabel="to the left [mm]")
         axes.set_ylabel("up [mm]")
         axes.legend(loc="lower left", fontsize=7, markerscale=8.0, frameon=True)
         return file_of(figure, "png")

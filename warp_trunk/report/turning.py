@@ -59,7 +59,7 @@ def turning(
     *,
     colours: np.ndarray | None = None,
     unseen: np.ndarray | None = None,
-    bare: bool = False,
+    bare: bool,
 ) -> Turning:
     """Pack states that share their triangles.
 
