@@ -7,13 +7,10 @@ import pytest
 
 from support.asserting import not_none
 from support.synthetic import grid_faces, sphere
-from support.trunk_shapes import LEVELS, ellipse, joined, spine, tube, twisted
+from support.trunk_shapes import ellipse, joined, spine, tube
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures import compare_skins
 from warp_trunk.measures.comparison import (
-    DETECTABLE,
-    RANGES,
     Regions,
     SkinDistance,
     bsr_error,
@@ -21,29 +18,7 @@ from warp_trunk.measures.comparison import (
     regions_of,
     skin_distance,
 )
-from warp_trunk.measures.rows import comparison_text
 from warp_trunk.measures.skin_quality import SkinQuality, skin_change, skin_quality
-
-
-def test_error_of_a_twist_is_that_of_its_angles():
-    """Turned by 16 degrees over 400 mm where 8 would be right: half of each angle is wrong."""
-    comparison = compare_skins(twisted(16.0), twisted(8.0), spine(LEVELS, (0.0, 0.0)))
-    size = {level: 8.0 * z / 400.0 for level, z in LEVELS.items()}
-    for name, levels in RANGES.items():
-        sizes = np.array([size[level] for level in levels])
-        error = not_none(comparison.bsr_error[name])
-        assert error.levels == levels
-        assert error.mean == pytest.approx(sizes.mean(), abs=0.01)
-        assert error.sd == pytest.approx(np.sqrt(((sizes - sizes.mean()) ** 2).sum() / (len(sizes) - 1)), abs=0.01)
-        assert error.of_maximum == pytest.approx(sizes.max(), abs=0.02)
-        assert error.undetectable == (sizes.mean() < DETECTABLE)
-    assert comparison.bsr_difference["T4"] == pytest.approx(size["T4"], abs=0.02)
-    judged = {name: error.undetectable for name, error in comparison.bsr_error.items() if error}
-    assert judged == {"T4-T12": False, "T3-L5": False, "T3-T12": False, "L1-L5": True}
-    lines = dict(line.split(maxsplit=1) for line in comparison_text(comparison).splitlines()[1:5])
-    for name, error in comparison.bsr_error.items():
-        for words in (f"{not_none(error).mean:.2f} ±", "below" if judged[name] else "not below"):
-            assert words in lines[name]
 
 
 def test_largest_rotation_is_compared_at_the_place_of_the_actual_one():

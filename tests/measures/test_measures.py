@@ -1,6 +1,4 @@
-"""Measures of trunks turned by known angles, of real anatomy too, and their derivatives against differences."""
-
-from collections.abc import Callable
+"""Measures of trunks turned by known angles, of real anatomy too."""
 
 import numpy as np
 import pytest
@@ -10,28 +8,10 @@ from support.anatomy import anatomy, anatomy_landmarks
 from support.asserting import not_none
 from support.meshes import turned_about_z
 from support.phantoms import whole_phantom
-from support.small_trunk import small_case, turned
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures import TrunkMeasures, back_surface_rotation, compare_skins, measure
-from warp_trunk.measures.derivatives import (
-    Derivative,
-    hump_derivative,
-    rotation_derivative,
-    shoulder_derivatives,
-    slope_derivative,
-)
+from warp_trunk.measures import compare_skins, measure
 from warp_trunk.measures.quantities import QUANTITIES, measured
-
-
-def test_change_of_the_skin_is_that_of_its_vertices():
-    case, trunk = small_case()
-    displacement = turned(trunk, -14.0)[trunk.skin_nodes]
-    skin = Surface(case.skin.vertices + displacement, case.skin.faces)
-    measures = measure(skin, case.landmarks_before, case.skin)
-    lengths = np.sqrt((displacement**2).sum(axis=1))
-    assert measures.skin_change_max == pytest.approx(lengths.max())
-    assert measures.skin_change_mean == pytest.approx(lengths.mean())
 
 
 def test_turning_the_whole_patient_about_the_vertical_changes_no_measure_of_the_back():
@@ -74,87 +54,3 @@ def test_twisted_anatomy_has_the_angles_of_its_twist():
     error = not_none(compare_skins(twisted, skin, turned).bsr_error["T4-T12"])
     assert error.mean > 5.0
     assert not error.undetectable
-
-
-CASE = whole_phantom()
-LEVELS = ("T2", "T5", "T8", "T12", "L2", "L4")
-DIFFERENCE = 1e-6
-
-
-def rough() -> Surface:
-    """A lopsided skin, no two of whose points are level."""
-    noise = np.random.default_rng(1).normal(scale=0.3, size=CASE.skin.vertices.shape)
-    return Surface(CASE.skin.vertices + noise, CASE.skin.faces)
-
-
-def differs(
-    number: Callable[[TrunkMeasures], float | None], derivative: Derivative, skin: Surface, landmarks: Landmarks
-) -> list[tuple[float, float]]:
-    """The change of a number in random directions, by its derivative and by central differences."""
-    pairs = []
-    for seed in range(8):
-        rng = np.random.default_rng(seed)
-        along = (
-            rng.normal(size=skin.vertices.shape) * (seed != 1),
-            rng.normal(size=landmarks.points.shape) * (seed != 0),
-        )
-        ends = []
-        for sign in (1.0, -1.0):
-            moved = Surface(skin.vertices + sign * DIFFERENCE * along[0], skin.faces)
-            marks = Landmarks(landmarks.names, landmarks.points + sign * DIFFERENCE * along[1])
-            ends.append(not_none(number(measure(moved, marks))))
-        predicted = np.vdot(derivative.vertices, along[0]) + np.vdot(derivative.landmarks, along[1])
-        pairs.append((float(predicted), (ends[0] - ends[1]) / (2.0 * DIFFERENCE)))
-    return pairs
-
-
-def agree(pairs: list[tuple[float, float]]) -> None:
-    predicted, wanted = np.array(pairs).T
-    np.testing.assert_allclose(predicted, wanted, rtol=0.0, atol=1e-5 * np.abs(wanted).max())
-    assert np.abs(wanted).max() > 0.0
-
-
-def turned_pelvis(degrees: float) -> Landmarks:
-    """The landmarks with the line of the iliac spines turned about its middle, seen from above."""
-    points, names = CASE.landmarks_before.points.copy(), CASE.landmarks_before.names
-    rows = [names.index("asis_left"), names.index("asis_right")]
-    middle = points[rows].mean(axis=0)
-    points[rows] = Rotation.from_euler("z", degrees, degrees=True).apply(points[rows] - middle) + middle
-    return Landmarks(names, points)
-
-
-@pytest.mark.parametrize(("level", "pelvis"), [("T2", 0), ("T8", 0), ("L2", 0), ("T10", 20)])
-def test_rotation(level: str, pelvis: float) -> None:
-    skin, landmarks = rough(), turned_pelvis(pelvis)
-    tangent = not_none(back_surface_rotation(skin, landmarks)[level])
-    derivative = rotation_derivative(skin, landmarks, level, tangent)
-    assert derivative.value == pytest.approx(tangent.angle, abs=1e-9)
-    agree(differs(lambda m: m.bsr[level], derivative, skin, landmarks))
-
-
-@pytest.mark.parametrize("level", ["T8", "L2"])
-def test_hump(level: str) -> None:
-    skin, landmarks = rough(), CASE.landmarks_before
-    tangent = not_none(back_surface_rotation(skin, landmarks)[level])
-    derivative = not_none(hump_derivative(skin, landmarks, level, tangent))
-    agree(differs(lambda m: m.hump_height[level], derivative, skin, landmarks))
-
-
-@pytest.mark.parametrize("level", ["T8", "L2"])
-def test_slope(level: str) -> None:
-    skin, landmarks = rough(), turned_pelvis(5.0)
-    slope = not_none(measure(skin, landmarks).slopes[level])
-    derivative = not_none(slope_derivative(skin, landmarks, level, slope))
-    assert derivative.value == pytest.approx(measure(skin, landmarks).slopes[level], abs=1e-9)
-    agree(differs(lambda m: m.slopes[level], derivative, skin, landmarks))
-
-
-def test_shoulders() -> None:
-    skin, landmarks = rough(), CASE.landmarks_before
-    derivatives = shoulder_derivatives(skin, landmarks, not_none(measure(skin, landmarks).shoulders))
-    for key, name in (("shoulder_difference_mm", "difference"), ("clavicle_angle_deg", "angle")):
-
-        def number(measures: TrunkMeasures, name: str = name) -> float | None:
-            return None if measures.shoulders is None else getattr(measures.shoulders, name)
-
-        agree(differs(number, derivatives[key], skin, landmarks))

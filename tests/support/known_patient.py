@@ -65,8 +65,12 @@ class Shape:
     @property
     def rotations(self) -> dict[str, float]:
         """Rotation of the back by level [degrees]."""
-        angles = np.interp(range(len(LEVELS)), [*map(LEVELS.index, self.back)], [*self.back.values()])
-        return dict(zip(LEVELS, angles.tolist(), strict=True))
+        return self.at_levels(self.back)
+
+    def at_levels(self, angles: dict[str, float]) -> dict[str, float]:
+        """Angles of some levels at every level, linear between."""
+        values = np.interp(range(len(LEVELS)), [*map(LEVELS.index, angles)], [*angles.values()])
+        return dict(zip(LEVELS, values.tolist(), strict=True))
 
     def flank(self, side: str, z: float | np.ndarray) -> np.ndarray:
         """Distance of a flank from the middle at a height [mm]."""

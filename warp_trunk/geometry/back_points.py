@@ -290,28 +290,26 @@ def smoothed(points: np.ndarray, across: np.ndarray, noise: float, radius: float
     gap, near = map(np.asarray, tree.query(node, k=count, distance_upper_bound=radius))
     full = (np.isfinite(gap).sum(axis=1) > 0.35 * count) & (np.isfinite(gap[:, :6]).all(axis=1))
     node, gap, near = node[full], gap[full], near[full]
-    depths, leverage = [], []
-    for start in range(0, len(node), 2000):
-        part = slice(start, start + 2000)
+    depths, leverage, regular = [], [], 1e-6 * np.eye(6)
+    for start in range(0, len(node), 200):  # of the size of a cache
+        part = slice(start, start + 200)
         inside = np.isfinite(gap[part])
         rows = np.where(inside, near[part], 0)
         off = np.zeros((*rows.shape, 3))
         off[..., [0, 2]] = (places[rows] - node[part][:, None]) / radius
         terms, depth = _quadratic(off), seen[rows, 1]
-        middle = np.nanmedian(np.where(inside, depth, np.nan), axis=1)
         kernel = np.where(inside, np.maximum(1.0 - np.square(np.minimum(gap[part] / radius, 1.0)), 0.0), 0.0)
-        weights, scale, fit = kernel, 6.0 * noise, np.zeros((len(rows), terms.shape[2]))
-        fit[:, 0] = middle
+        weights, scale, fit = kernel, 6.0 * noise, np.zeros((len(rows), terms.shape[2], 1))
         for _ in range(5):
-            moment = np.einsum("nk,nki,nkj->nij", weights, terms, terms) + 1e-6 * np.eye(terms.shape[2])
-            fit = np.linalg.solve(moment, np.einsum("nk,nki,nk->ni", weights, terms, depth)[..., None])[..., 0]
-            left = depth - np.einsum("nki,ni->nk", terms, fit)
+            weighted = (weights[..., None] * terms).swapaxes(1, 2)
+            fit = np.linalg.solve(weighted @ terms + regular, weighted @ depth[..., None])
+            left = depth - (terms @ fit)[..., 0]
             weights = kernel * np.square(np.maximum(1.0 - np.square(left / scale), 0.0))
             scale = 4.7 * noise
-        moment = np.einsum("nk,nki,nkj->nij", weights, terms, terms) + 1e-6 * np.eye(terms.shape[2])
-        first = np.linalg.solve(moment, np.eye(terms.shape[2])[0])  # row of the inverse that gives the depth
-        leverage.append(np.einsum("nk,nk->n", np.square(weights * np.einsum("nki,ni->nk", terms, first)), inside))
-        depths.append(fit[:, 0])
+        moment = (weights[..., None] * terms).swapaxes(1, 2) @ terms + regular
+        first = np.linalg.solve(moment, np.eye(6)[:, :1])  # row of the inverse that gives the depth
+        leverage.append(np.vecdot(np.square(weights * (terms @ first)[..., 0]), inside))
+        depths.append(fit[:, 0, 0])
     depth, share = np.concatenate(depths), np.concatenate(leverage)
     good = share < 1.0
     behind = np.array([-across[1], across[0]])

@@ -113,7 +113,8 @@ class BackMeasures:
             row = table.column("back", quantity)[level]
             if row.value is None:
                 return "–"
-            return f"{row.value:+z.1f}" + (f" ± {WIDTH * row.sd:.1f}" if noisy and row.low is not None else "")
+            text = f"{row.value:{'' if quantity == 'height_mm' else '+'}z.1f}"
+            return text + (f" ± {WIDTH * row.sd:.1f}" if noisy and row.low is not None else "")
 
         titles = {
             "height_mm": "height [mm]",

@@ -249,7 +249,7 @@ def _on_seen_skin(
     """The measures without those that lie on skin that was not measured.
 
     Hump, slope and flanks of a level need all their points on measured skin; waist and shoulders, which are of
-    many places, most of them.
+    many places, most of them on either side.
 
     Args:
         measures: the measures; the tangents are those of the measured back already.
@@ -283,10 +283,10 @@ def _on_seen_skin(
             missing[f"hump {level}"] = FLANK
     waist, shoulders = measures.waist, measures.shoulders
     silhouette = None if line is None else silhouette_of(skin, measures.spine, line, pelvis)
-    if silhouette is not None and unseen[silhouette.edges].mean() > 0.5:
+    if silhouette is not None and unseen[silhouette.edges].mean(axis=(1, 2)).max() > 0.5:
         waist, missing["waist"] = None, INVENTED
     upper = None if line is None else upper_outline(skin, measures.spine, line.across)
-    if upper is not None and unseen[upper.ends].mean() > 0.5:
+    if upper is not None and unseen[upper.ends].mean(axis=(1, 2)).max() > 0.5:
         shoulders, missing["shoulders"] = None, INVENTED
     on_seen_skin = {"waist": waist, "shoulders": shoulders, "missing": missing, "slopes": slopes}
     return replace(measures, unseen_humps=frozenset(humps), unseen_flanks=frozenset(flanks), **on_seen_skin)
