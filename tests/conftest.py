@@ -78,8 +78,11 @@ def refused(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
 
 
 @pytest.fixture
-def refused_row(refused: Callable[..., str], tmp_path: Path) -> Callable[[str, Sequence[object]], str]:
+def refused_row(
+    refused: Callable[..., str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Callable[[str, Sequence[object]], str]:
     """The row of an accepted text: the line in which a command is refused."""
+    monkeypatch.delenv("UV_RUN_RECURSION_DEPTH", raising=False)  # by which commands to paste begin with `uv run`
 
     def made(name: str, arguments: Sequence[object]) -> str:
         with row(name):

@@ -148,6 +148,7 @@ OPTIONS = {
         ". --free density --out case/a.toml", ". --free theta --out a.txt", ". --free theta --out a.toml",
     ],
     "report": [""],
+    "import": ["a.inp --out case", "a.inp --out out --ct a.inp --body a.inp", "a.inp --out out --cut 1,2"],
 }  # fmt: skip
 NEEDS = {
     "simulate": "--out out", "demo": "--out out", "close": "--out closed.ply",
