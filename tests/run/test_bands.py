@@ -2,6 +2,8 @@
 
 from dataclasses import fields, replace
 from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,9 +13,11 @@ from support.meshes import nodes_of_bones
 from support.phantoms import whole_phantom
 from support.small_trunk import boned_case
 from warp_trunk.bone_motion.prescribed_motion import spline_path
+from warp_trunk.bone_motion.skeleton import Skeleton
 from warp_trunk.case import Case
 from warp_trunk.case.rib_coupling import RANGES, RibCoupling
 from warp_trunk.case.uncertainty import FACTORS, Uncertainty
+from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.spline import spline_response
@@ -29,14 +33,15 @@ from warp_trunk.run.intervals import find_bands, spine_bands, spine_before_bands
 from warp_trunk.run.options import Execution, RunOptions
 from warp_trunk.run.patient import motions_of
 from warp_trunk.run.prediction import Prediction, prepare, prepare_plan
-from warp_trunk.run.sensitivities import sensitivities
-from warp_trunk.run.sources import ErrorSource, rib_share_sources
+from warp_trunk.run.sensitivities import landmark_derivative, sensitivities
+from warp_trunk.run.sources import ErrorSource, rib_share_sources, sources_of
 from warp_trunk.spine import cobb_angles
 from warp_trunk.spine.cobb import curves_after, kyphosis
 from warp_trunk.spine.spine import spine_of
 
 CASE, TRUNK = boned_case()
 CERTAIN = Uncertainty(**{field.name: float(field.name in FACTORS) for field in fields(Uncertainty)})
+SPREAD = replace(CERTAIN, landmark_error=1.0, landmark_error_sd=0.7)
 OPTIONS = RunOptions(bones="spline", precision="float64", simulation=SimulationOptions(increments=1))
 
 
@@ -52,6 +57,7 @@ def bands_of(draws: int = 8, **uncertain: float) -> FoundBands:
 
 def test_what_is_certain_has_no_band() -> None:
     bands = bands_of()
+    assert sources_of(replace(simulated(), case=replace(CASE, uncertainty=CERTAIN))) == ()
     assert [row.sd for row in bands.table.column("predicted", "bsr_deg").values()] == [0.0] * 4
     assert bands.skin_sd.max() == 0.0
     exact = {(row.quantity, row.level): row.sd for row in bands.rows if row.state == "exact"}
@@ -64,15 +70,15 @@ def test_what_is_certain_has_no_band() -> None:
 
 
 def test_landmarks_against_whole_simulations() -> None:
-    """100 simulations with drawn landmarks: standard deviations within 15 %.
+    """60 simulations with drawn landmarks: standard deviations within 15 %.
 
-    So few draws have a deviation of their own, 7 % off; the sensitivities give the error for the same draws.
+    So few draws have a deviation of their own, 9 % off; the sensitivities give the error for the same draws.
     """
     spread = {"landmark_error": 1.0, "landmark_error_sd": 0.7}
     bands = bands_of(draws=64, **spread)
     straight, random = sensitivities(simulated())[:4], np.random.default_rng(11)
     names, said, rotations, skins = CASE.landmarks_before.names, [], [], []
-    for _ in range(100):
+    for _ in range(60):
         before, after = Uncertainty(**spread).landmark_sd * random.standard_normal((2, len(names), 3))
         moved = replace(
             CASE,
@@ -102,25 +108,6 @@ def test_the_same_error_before_and_after_matters_less_and_sources_add_up() -> No
         low, value, high = np.array([band.low, band.value, band.high], dtype=float)
         assert high - value == pytest.approx(1.96 * band.sd, rel=1e-4)
         assert low + high == pytest.approx(2.0 * value)
-
-
-def test_effects_give_the_intervals_and_the_skin_of_a_likely_larger_hump() -> None:
-    bands = bands_of(landmark_error=2.1, landmark_error_sd=1.5, cobb=5.0, theta=3.0)
-    rows, effects = bands.table, bands.effects
-    for (quantity, level), own, by_landmarks, ratio in zip(
-        effects.names.tolist(), effects.effects, effects.landmarks, effects.ratio, strict=True
-    ):
-        sd = ratio * np.hypot(np.linalg.norm(own), np.linalg.norm(by_landmarks))
-        assert rows.column("predicted", quantity)[level].sd == pytest.approx(sd, rel=1e-3, abs=1e-6)
-    skin = simulated().skin
-    ((level, hump),) = rows.column("predicted", "main_hump_mm").items()
-    assert level == simulated().measures_before.hump_level
-    for sign in (1.0, -1.0):
-        moved_skin = replace(skin, vertices=skin.vertices + sign * effects.likely_worse)
-        height = measure(moved_skin, CASE.planned_landmarks).hump_height[level]
-        assert None not in (height, hump.value, hump.sd)
-        value, sd = float(hump.value or 0.0), float(hump.sd or 0.0)
-        assert float(height or 0.0) - value == pytest.approx(sign * np.copysign(1.2816 * sd, value), rel=0.3)
 
 
 def test_plans_that_share_errors_differ_by_less_than_each_alone() -> None:
@@ -158,13 +145,13 @@ def test_against_draws(state: str) -> None:
     assert {("cobb_deg", f"{curve.upper}-{curve.lower}") for curve in curves} <= bands.keys()
     assert {("apical_rotation_deg", curve.apex) for curve in curves} <= bands.keys()
     drawn = []
-    for _ in range(300):
+    for _ in range(120):
         error = WHOLE.uncertainty.landmark_sd * random.standard_normal(marks.points.shape)
         noisy = replace(marks, points=marks.points + error)
         drawn.append([*curves_after(curves, noisy), kyphosis(spine_of(noisy))["T5-T12"]])
     names = [*(("cobb_deg", f"{curve.upper}-{curve.lower}") for curve in curves), ("kyphosis_deg", "T5-T12")]
     np.testing.assert_allclose(
-        [bands[name].sd for name in names], np.std(np.array(drawn, dtype=np.float64), axis=0), rtol=0.15
+        [bands[name].sd for name in names], np.std(np.array(drawn, dtype=np.float64), axis=0), rtol=0.2
     )
     exact = [*curves_after(curves, marks), kyphosis(spine_of(marks))["T5-T12"]]
     assert [bands[name].value for name in names] == exact
@@ -257,3 +244,61 @@ def test_vertebrae_and_pelvis_do_not_depend_on_the_shares() -> None:
     still = [i for i, name in enumerate(trunk.bone_names) if not name.startswith(("rib", "sternum"))]
     for source in sources().values():
         assert np.abs(not_none(source.bones)[np.isin(trunk.bone, still)]).max() < 1e-9
+
+
+@cache
+def relaxed() -> Prediction:
+    """With bones that move rigidly, as they do by default."""
+    simulation = SimulationOptions(increments=1, relax=RelaxOptions(tolerance=0.02))
+    options = RunOptions(precision="float64", simulation=simulation)
+    execution = Execution(device="cpu", threads=1)
+    return prepare(replace(CASE, uncertainty=SPREAD), options, TRUNK, execution=execution).relax()
+
+
+def test_rigid_bones_have_the_intervals_of_whole_simulations() -> None:
+    """24 simulations with drawn landmarks: so few have standard deviations of their own that are 15 % off."""
+    bands, case, random = find_bands(relaxed()), relaxed().case, np.random.default_rng(3)
+    names, normals = case.landmarks_before.names, vertex_normals(relaxed().skin)
+    rotations, along = [], []
+    for _ in range(24):
+        before, after = SPREAD.landmark_sd * random.standard_normal((2, len(names), 3))
+        moved = replace(
+            case,
+            landmarks_before=replace(case.landmarks_before, points=case.landmarks_before.points + before),
+            landmarks_after=replace(case.landmarks_before, points=case.planned_landmarks.points + after),
+        )
+        skin = prepare_plan(relaxed().patient, moved).relax().skin
+        rotations.append([*measure(skin, moved.planned_landmarks).bsr.values()])
+        along.append(np.einsum("vi,vi->v", skin.vertices - relaxed().skin.vertices, normals))
+    drawn = np.std(np.array(rotations, dtype=float), axis=0)
+    sds = np.array([row.sd for row in bands.table.column("predicted", "bsr_deg").values()])
+    assert 0.6 < np.median(sds / drawn) < 1.6
+    spread = np.std(along, axis=0)
+    assert 0.6 < np.sqrt(np.square(bands.skin_sd).mean() / np.square(spread).mean()) < 1.6
+
+
+def test_errors_against_which_endplates_are_smoothed_turn_ribs_less_and_vertebrae_as_much() -> None:
+    """Ribs turn with the curves, and a smooth line holds less of the error of each endplate."""
+    skin, straight, marks = straight_trunk()
+    skin, bones, before = impose(skin, straight, marks, SpineCurve(cobb=50.0))
+    case = Case("errors", skin, bones, before, correct(marks, SpineCurve(cobb=20.0), 0.0))
+    trunk = nodes_of_bones(bones, 20)
+    prediction: Any = SimpleNamespace(
+        case=case,
+        trunk=trunk,
+        options=SimpleNamespace(bones="follow"),
+        patient=SimpleNamespace(skeleton=Skeleton(bones, before)),
+    )
+    names = ("rib_left_06", "rib_left_07", "rib_left_08", "T7")
+    weights = np.zeros((len(names), *trunk.nodes.shape))
+    for row, name in enumerate(names):
+        weights[row, trunk.bone == list(bones).index(name), 1] = 1.0 / 20.0
+
+    def deviations(error: float) -> np.ndarray:
+        """Of where each bone goes to the back [mm], for errors of 1 mm."""
+        by_before, by_after = landmark_derivative(prediction, error)(weights)
+        return np.sqrt((by_before**2 + by_after**2).sum(axis=(1, 2)))
+
+    smooth, rough = deviations(1.7), deviations(0.0)
+    assert (smooth[:3] < 0.97 * rough[:3]).all()
+    assert smooth[3] == pytest.approx(rough[3], rel=1e-9)
