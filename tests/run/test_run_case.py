@@ -1,9 +1,9 @@
 """One whole run: a mesh made elsewhere, what lies in the result folder, and runs that are interrupted."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +20,8 @@ from warp_trunk.engine.simulation import Increment, SimulationOptions
 from warp_trunk.errors import InputError
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.io.trunk_file import read_trunk, write_trunk
-from warp_trunk.measures import TrunkMeasures, back_rotation, measures
-from warp_trunk.measures.back_rotation import tangents_of
-from warp_trunk.measures.number_text import interval_text
 from warp_trunk.recording.viewer import find_recording
-from warp_trunk.report.writing import write_report
 from warp_trunk.results import Result, read_result
-from warp_trunk.results.summary_text import plain
 from warp_trunk.run.options import Execution, RunOptions
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
@@ -120,73 +115,6 @@ def test_its_labels_are_the_layers(case: Case, mesh: Path, tmp_path: Path) -> No
         ends.append(read_trunk(tmp_path / layers / "trunk.vtu"))
     assert (ends[0][0].tissue is None, set(ends[1][0].tissue)) == (True, {0, 1, 2})
     assert np.abs(ends[0][1] - ends[1][1]).max() > 0.01  # they pull differently
-
-
-def test_sag_and_the_times_of_stages_are_in_the_summary(case: Case, mesh: Path, tmp_path: Path) -> None:
-    stiff = replace(case, tissue=replace(case.tissue, youngs_modulus=200.0))
-    for gravity in (0.0, 9.81):
-        simulated(stiff, tmp_path, mesh, record=False, gravity=gravity, layers="mesh")
-        summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
-        assert (summary["sag_mm"] > 0.0) == (gravity > 0.0) == ("rest" in summary["seconds"])
-        assert summary["seconds"]["layers"] is not None
-
-
-@pytest.mark.parametrize("bands", [False, True])
-def test_bands_are_told_where_they_are_asked_for(case: Case, mesh: Path, tmp_path: Path, bands: bool) -> None:
-    result = simulated(case, tmp_path, mesh, record=False, bands=bands)
-    summary, told = result.summary, plain(result).splitlines()
-    with_bands = {} if summary.bands is None else result.table.column("predicted", "bsr_deg")
-    rows = {row.partition(" ")[0]: row for row in told}
-    assert any("19 of 20" in row for row in told) == bands
-    for level, band in with_bands.items():
-        assert " ".join(rows[level].split()).endswith(interval_text(band, sided=True))
-    assert (summary.bands is not None) == bands == (tmp_path / "skin_sd.csv").is_file()
-    assert summary.parameters["bands"] == bands
-
-
-def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """How many levels each search of tangents is of, as it grows."""
-    levels = list[int]()
-
-    def count(outlines: Mapping[str, Any], *counted: Any) -> Any:
-        levels.append(len(outlines))
-        return tangents_of(outlines, *counted)
-
-    for module in (measures, back_rotation):
-        monkeypatch.setattr(module, "tangents_of", count)
-    return levels
-
-
-def test_every_state_is_measured_once(
-    case: Case, mesh: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Before surgery, after each of three increments, each draw of errors; what is likely, at one level."""
-    searches = counted(monkeypatch)
-    result = simulated(case, tmp_path, mesh, bands=True)
-    assert result.summary.bands is not None
-    every = len(result.measures.tangents)
-    assert every > 1
-    assert searches.count(every) == 1 + 3 + result.summary.bands.draws
-    assert set(searches) == {1, every}
-    predicted = {level: tangent and tangent.angle for level, tangent in result.measures.tangents.items()}
-    assert result.table.values("predicted", "bsr_deg") == predicted  # to the last bit, with bands
-
-
-def test_a_result_is_read_and_reported_as_it_was_measured(
-    case: Case, mesh: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    result = simulated(case, tmp_path, mesh, record=False, bands=True)
-    monkeypatch.setattr(back_rotation, "find_contacts", None)  # nothing is measured from here on
-    read = read_result(tmp_path)
-    assert set(read.states) == set(result.states) == {"before", "predicted", "likely better", "likely worse"}
-    for state, told in result.states.items():
-        state_read = read.states[state]
-        assert state_read.bsr == pytest.approx(told.bsr, abs=1e-9)
-        assert state_read.hump_height == pytest.approx(told.hump_height, abs=1e-9)
-        for field in fields(TrunkMeasures):
-            if field.name not in ("spine", "sacral_line", "outlines", "tangents"):  # arrays
-                assert getattr(state_read, field.name) == getattr(told, field.name), field.name
-    write_report(read)
 
 
 def test_an_interrupted_run_leaves_its_recording_and_the_next_one_replaces_it(

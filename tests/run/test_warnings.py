@@ -6,18 +6,14 @@ import numpy as np
 import pytest
 
 from support.known_spine import before_and_after, known_spine
-from support.rrd import column
-from support.small_trunk import boned_case, made_up_increments, small_case
+from support.small_trunk import made_up_increments, small_case
 from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
-from warp_trunk.engine.simulation import SimulationOptions
+from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
-from warp_trunk.io.trunk_file import write_trunk
 from warp_trunk.measures.quantities import Measured, MeasureTable
-from warp_trunk.results import read_result
 from warp_trunk.run import warnings
-from warp_trunk.run.options import Execution, RunOptions
+from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import patient_of
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
@@ -128,28 +124,6 @@ def test_a_relaxation_along_the_gradient_says_how_far_it_ended_and_what_reaches_
     assert "--max-steps, or use --method newton" in text
 
 
-def test_warnings_reach_console_summary_and_viewer(tmp_path, capsys):
-    case, trunk = boned_case()
-    write_trunk(tmp_path / "mesh.vtu", trunk)
-    options = RunOptions(
-        gravity=981.0,
-        rest="scan",
-        from_mesh=tmp_path / "mesh.vtu",
-        simulation=SimulationOptions(increments=1, relax=RelaxOptions(max_steps=2)),
-    )
-    moved = ("landmarks_after: 'asis_left' moves by 7.0 mm.",)
-    result = simulate(
-        case, None, options, Execution(device="cpu"), folder=tmp_path / "out", progress=Progress(), warnings=moved
-    )
-    warnings = read_result(tmp_path / "out").summary.warnings
-    assert [text.split(":")[0] for text in warnings[:2]] == ["landmarks_after", "gravity"]
-    assert result.summary.warnings == warnings
-    said = capsys.readouterr().err
-    assert all(f"warning: {text}" in said for text in warnings[:2])
-    shown = column(tmp_path / "out" / "recording.rrd", "/summary", "text")[None].item()
-    assert all(f"**Warning:** {text}" in shown for text in warnings)
-
-
 def test_a_case_made_in_code_is_checked_like_one_that_is_read(tmp_path):
     case, _ = small_case()
     nowhere = replace(case.landmarks_before, points=np.zeros_like(case.landmarks_before.points))
@@ -177,32 +151,6 @@ def test_the_usual_number_says_nothing(monkeypatch):
 
 def test_memory_is_known_here():
     assert 1e8 < warnings.usable_memory() < 1e14
-
-
-@pytest.mark.parametrize(
-    ("kyphosis", "warned"), [(9.5, True), (10.5, False), (39.5, False), (40.5, True), (-3.0, True)]
-)
-def test_a_kyphosis_out_of_the_range_of_lenke_is_warned_of(kyphosis: float, warned: bool) -> None:
-    table = MeasureTable([Measured("predicted", "T5-T12", "kyphosis_deg", kyphosis)])
-    assert any("yphosis" in text for text in alignment_warnings(table)) == warned
-
-
-@pytest.mark.parametrize(("shift", "words"), [(21.0, "21 mm right"), (-21.0, "21 mm left"), (19.0, "")])
-def test_a_shift_beside_the_sacrum_is_warned_of_with_its_side(shift: float, words: str) -> None:
-    sentences = alignment_warnings(MeasureTable([Measured("predicted", "", "trunk_shift_mm", shift)]))
-    assert [words in text for text in sentences] == [True] * bool(words)
-
-
-@pytest.mark.parametrize(
-    ("was", "will", "reversed_"),
-    [(15.0, -14.0, True), (-15.0, 14.0, True), (15.0, 14.0, False), (15.0, -0.1, False)],
-)
-def test_shoulders_that_reverse_are_warned_of(was: float, will: float, reversed_: bool) -> None:
-    rows = [
-        Measured(state, "", "shoulder_difference_mm", x) for state, x in (("before", was), ("predicted", will))
-    ]
-    sentences = alignment_warnings(MeasureTable(rows))
-    assert any("houlder" in text for text in sentences) == reversed_
 
 
 @pytest.mark.parametrize(("error", "words"), [(0.0042, "0.0042 mm from equilibrium, "), (np.inf, "")])

@@ -50,7 +50,7 @@ def small_patient(
         box, nodes=nodes, tets=tets, skin_faces=faces, bone=bone, bone_names=tuple(names),
         bone_faces=np.zeros((0, 3), dtype=np.int32), tissue=(np.arange(len(tets)) % 3).astype(np.int8),
     )  # fmt: skip
-    bones = {level: _block(skin, marks[0].of_bone(level).points) for level in levels}
+    bones = {level: block(skin, marks[0].of_bone(level).points) for level in levels}
     return Case("small patient", skin, bones, *marks, **fields), mesh
 
 
@@ -60,8 +60,9 @@ def _of(marks: Landmarks, levels: Sequence[str]) -> Landmarks:
     return Landmarks(tuple(marks.names[row] for row in rows), marks.points[rows])
 
 
-def _block(skin: Surface, points: np.ndarray) -> Surface:
+def block(skin: Surface, points: np.ndarray) -> Surface:
     """A block around points, with the triangles of the skin."""
+    points = points.reshape(-1, 3)
     low, high = points.min(axis=0) - 1.0, points.max(axis=0) + 1.0
     within = (skin.vertices - skin.vertices.min(axis=0)) / np.ptp(skin.vertices, axis=0)
     return Surface(low + within * (high - low), skin.faces)
