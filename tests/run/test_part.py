@@ -97,8 +97,9 @@ def part(tmp_path_factory: pytest.TempPathFactory) -> Part:
 def test_the_console_and_the_report_are_as_accepted(part: Part) -> None:
     with drawn_figures() as figures:
         assert main(["report", str(part.folder / "out" / "far")]) == 0
+    del figures["convergence"]  # over time
     page = Page((part.folder / "out" / "far" / "report.html").read_text(encoding="utf-8"))
-    said = re.sub(r"in [\d.]+ s$", "", part.said, flags=re.MULTILINE)
+    said = re.sub(r"in [\d.]+ s$|uv run ", "", part.said, flags=re.MULTILINE)
     timed = re.compile(r"Seconds load.*|(load|surface|mesh|compile|relax|record|total) \|.*")
     lines = (timed.sub("", line).replace(str(part.folder), "FOLDER") for line in report_lines(page, figures))
     check_shown("part", [said.replace(str(part.folder), "FOLDER"), *lines])
@@ -121,11 +122,14 @@ def test_each_result_has_its_motions_and_its_points_their_ways(part: Part) -> No
     assert (was.haller, will.haller) == pytest.approx((130.0 / 30.0, 130.0 / 40.0), rel=0.02)
 
 
-def test_a_prediction_is_judged_by_its_own_skin(part: Part, tmp_path: Path) -> None:
+def test_a_prediction_is_judged_by_its_own_skin(
+    part: Part, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     result = read_result(part.folder / "out" / "far")
     write_surface(tmp_path / "actual.ply", result.skin)
     words = ["measure", str(result.folder), "--against", str(tmp_path / "actual.ply"), "--out", str(tmp_path)]
     assert main(words) == 0
+    assert capsys.readouterr().out.startswith("part, motions far: the skin moves by 8.6 mm\n")
     rows = json.loads((tmp_path / "measures.json").read_text(encoding="utf-8"))["measures"]
     error = {row["quantity"]: row["value"] for row in rows if row["state"] == "error"}
     assert error["distance_within_2_mm_percent"] == pytest.approx(100.0)
