@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.errors import InputError
 from warp_trunk.run import best_plan as searching
-from warp_trunk.run.best_plan import AIMS, BestPlan, PlanTrial, Search, best_plan, best_plan_text, gain_sd
+from warp_trunk.run.best_plan import Aim, BestPlan, PlanTrial, Search, best_plan, best_plan_text, gain_sd
 from warp_trunk.run.options import Execution, RunOptions
 from warp_trunk.run.patient import PreparedPatient, patient_of
 from warp_trunk.run.progress import Progress
@@ -94,7 +94,7 @@ def test_a_search_tries_no_more_plans_than_it_may_and_keeps_to_its_bounds(prepar
 def test_what_a_search_shows_is_as_accepted(prepared: list[Case]) -> None:
     """The plans as they come, and in the end those of two searches: one that gained, one that did not."""
     texts: list[str] = []
-    for aim in AIMS:
+    for aim in get_args(Aim):
         stream = io.StringIO()
         best = best_plan(CASE, PLAN, BOUNDS, aim, progress=Progress(stream), most=1)
         texts += [re.sub(r": [\d.]+ s$", "", stream.getvalue(), flags=re.MULTILINE), best_plan_text(best)]

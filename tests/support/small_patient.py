@@ -32,8 +32,8 @@ def small_patient(
     beside = 1.0 - np.abs(np.abs(nodes[:, 0]) - 75.0) / 75.0  # 1 on either side of the spine, where tangents touch
     nodes[:, 1] += 12.0 * beside * (0.5 + nodes[:, 1] / 200.0)
     nodes[:, 1] -= np.interp(nodes[:, 2], [*SLOPES], [*SLOPES.values()]) * nodes[:, 0]
-    marks = _of(BEFORE.landmarks, levels), _of(AFTER.landmarks, levels)
-    places = dict(zip(levels, (marks[0].of_bone(level).points.mean(axis=0) for level in levels), strict=True))
+    before, after = _of(BEFORE.landmarks, levels), _of(AFTER.landmarks, levels)
+    places = dict(zip(levels, (before.of_bone(level).points.mean(axis=0) for level in levels), strict=True))
     bone, names = np.full(len(nodes), -1, dtype=np.int32), []
     inside = box.prescribed & (box.nodes[:, 1] > -10.0)
     for number, height in enumerate(np.unique(nodes[inside, 2])):
@@ -43,15 +43,15 @@ def small_patient(
         bone[rows] = number
     tets, faces = box.tets, box.skin_faces
     if mirrored:
-        nodes, marks = nodes * MIRROR, tuple(map(mirror_image, marks))
+        nodes, before, after = nodes * MIRROR, mirror_image(before), mirror_image(after)
         tets, faces = tets[:, [0, 2, 1, 3]], faces[:, ::-1]
     skin = Surface(nodes[box.skin_nodes], faces)
     mesh = replace(
         box, nodes=nodes, tets=tets, skin_faces=faces, bone=bone, bone_names=tuple(names),
         bone_faces=np.zeros((0, 3), dtype=np.int32), tissue=(np.arange(len(tets)) % 3).astype(np.int8),
     )  # fmt: skip
-    bones = {level: block(skin, marks[0].of_bone(level).points) for level in levels}
-    return Case("small patient", skin, bones, *marks, **fields), mesh
+    bones = {level: block(skin, before.of_bone(level).points) for level in levels}
+    return Case("small patient", skin, bones, before, after, **fields), mesh
 
 
 def _of(marks: Landmarks, levels: Sequence[str]) -> Landmarks:
