@@ -11,14 +11,13 @@ import warp as wp
 
 from support.continuum import Continuum
 from support.meshes import block_with_bone, rotate, with_skin
-from support.models import evaluated, gradient_of, half_and_half, model_of, on_host, relax, settle, upper_blocks
+from support.models import evaluated, gradient_of, half_and_half, model_of, on_host, settle
 from support.reference import Reference
 from warp_trunk.engine import grids
 from warp_trunk.engine.linear import WINDOW, BlockMatrix, ConjugateGradient, Iterates, zero_dots
 from warp_trunk.engine.linearization import Linearization
 from warp_trunk.engine.multigrid import Multigrid
 from warp_trunk.engine.newton import Relaxer
-from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.sag_free import sag_free
 from warp_trunk.engine.state import State
 from warp_trunk.engine.tissue import Tissue
@@ -62,24 +61,6 @@ def test_energies_and_gradient_are_those_of_numpy(energy: str, precision: str, g
     np.testing.assert_allclose(gradient_of(state), wanted, atol=tolerance * np.abs(wanted).max())
 
 
-@PRECISIONS
-@ENERGIES
-def test_a_skin_that_resists_bending_is_that_of_the_cpu(energy: str, precision: str) -> None:
-    by_device = []
-    for device in ("cpu", "cuda:0"):
-        model = model_of(with_skin(TRUNK), device=device, energy=energy, skin_rigidity=30.0, precision=precision)
-        state = evaluated(model, NOISE)
-        matrix = BlockMatrix(state)
-        numbers = [np.array(list(state.energy().terms.values())), state.gradient.numpy().copy()]
-        for assemble in (matrix.assemble_projected, matrix.assemble_true):
-            assemble()
-            numbers.append(upper_blocks(matrix)[2])
-        by_device.append(numbers)
-    tolerance = {"float32": 1e-4, "float64": 1e-11}[precision]
-    for on_cpu, on_cuda in zip(*by_device, strict=True):
-        np.testing.assert_allclose(on_cuda, on_cpu, atol=tolerance * np.abs(on_cpu).max())
-
-
 @NEEDS_CPU
 @PRECISIONS
 @pytest.mark.parametrize(
@@ -97,6 +78,7 @@ def test_cpu_and_cuda_end_at_the_same_place(precision: str, options: dict[str, A
     for device in ("cpu", "cuda:0"):
         model = model_of(with_skin(TRUNK), tissue, device=device, precision=precision, **options)
         ends.append(settle(model, turned(), 2, tolerance=tolerance).displacement)
+        assert np.array_equal(ends[-1][TRUNK.prescribed], turned()[TRUNK.prescribed].astype(precision))
     np.testing.assert_allclose(ends[1], ends[0], atol=bound)
 
 
@@ -147,23 +129,6 @@ def test_the_preconditioner_is_symmetric_and_positive(
     for vectors, solved, product in zip(drawn, preconditioned, products, strict=True):
         assert product > 0.0
         assert product == pytest.approx(float(np.vdot(vectors, solved)), rel=tolerance)
-
-
-@PRECISIONS
-@pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
-def test_ends_at_an_equilibrium_that_numpy_confirms(precision: str, energy: str) -> None:
-    tissue, path, tolerance = Tissue(poisson_ratio=0.49), turned(), 0.01
-    reference = (Reference if energy == "itmsm" else Continuum)(TRUNK, tissue)
-    model = model_of(TRUNK, tissue, device="cuda:0", energy=energy, precision=precision)
-    displacement = settle(model, path, 2, tolerance=tolerance).displacement
-    assert np.abs(reference.downhill(displacement, 2000) - displacement).max() < 2.0 * tolerance
-    held = TRUNK.prescribed
-    assert np.array_equal(displacement[held], path[held].astype(precision))
-
-
-def test_says_stalled_where_float32_cannot_reach_the_tolerance() -> None:
-    ended, _ = relax(model_of(TRUNK, device="cuda:0", precision="float32"), turned(), tolerance=1e-9)
-    assert ended.status is RelaxStatus.STALLED
 
 
 def test_products_by_recurrence_are_right_to_a_rounding_after_hundreds_of_iterations() -> None:

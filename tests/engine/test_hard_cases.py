@@ -246,7 +246,7 @@ def test_where_rounding_is_what_is_left() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("threads", [1, 2, 5])
+@pytest.mark.parametrize("threads", [1, 5])
 def test_a_stiff_block_turned_by_100_degrees(threads: int) -> None:
     """The way is long and rounding decides it: 0.0076 mm was once reported where 0.0195 was true."""
     axis = (0.011054150710757549, 0.5415933947188338, 0.6950399929932437)
@@ -293,7 +293,7 @@ def test_distance_on_the_way_counts_the_steps_to_follow(tolerance: float) -> Non
     assert true < 1.5 * ended.estimated_error
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(12))
 def test_claims_of_random_motions_are_true(seed: int) -> None:
     """Small blocks, anyhow jittered, turned, shifted and started; scripts/search_false_claims.py draws more."""
     _, claims = judge(seed, None)
@@ -321,8 +321,7 @@ def test_grids_of_pieces_far_apart_have_no_vertices_between_them() -> None:
         np.testing.assert_allclose(interpolated[whole], target[whole], atol=1e-5)
 
 
-@pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
-@pytest.mark.parametrize("method", ["newton", "gradient"])
+@pytest.mark.parametrize(("energy", "method"), [("itmsm", "gradient"), ("neo-hookean", "newton")])
 def test_under_gravity_it_does_not_matter_how_high_the_trunk_is(energy: str, method: str) -> None:
     """Along the gradient it ended at once: the energy of the whole height hid what a step changes."""
     low, ends = block(), []

@@ -35,8 +35,8 @@ def visits(threads: int, size: int, bounds: np.ndarray | None = None, least: int
     return out.numpy()[:, :size]
 
 
-@pytest.mark.parametrize("size", [0, 1, 2, 3, 7, 1000])
-@pytest.mark.parametrize("threads", [1, 2, 3, 5])
+@pytest.mark.parametrize("size", [0, 2, 1000])
+@pytest.mark.parametrize("threads", [1, 3])
 def test_every_item_once_by_one_range(threads: int, size: int) -> None:
     seen = visits(threads, size)
     assert (seen.sum(axis=0) == 6).all()
@@ -51,10 +51,6 @@ def test_given_bounds_are_kept_and_few_items_not_split() -> None:
     assert [list(np.flatnonzero(row)) for row in seen] == [list(range(7)), [], [7, 8, 9]]
 
 
-def test_zero_threads_are_all_usable_cores() -> None:
-    assert choose_threads(0) == usable_cores() == Parallel("cpu", 0).ranges
-
-
 @wp.kernel(enable_backward=False)
 def pass_on_kernel(items: Items, source: wp.array(dtype=wp.int32), taken: wp.array(dtype=wp.int32)):
     i = items.first + wp.tid()  # pyright: ignore[reportOperatorIssue]
@@ -67,7 +63,7 @@ def count_down_kernel(items: Items, left: wp.array(dtype=wp.int32)):
     left[0] = left[0] - 1
 
 
-@pytest.mark.parametrize("threads", [1, 2, 3, 5])
+@pytest.mark.parametrize("threads", [1, 3])
 def test_a_loop_does_its_launches_one_after_the_other(threads: int) -> None:
     parallel, size, turns = Parallel("cpu", threads, least_split=1), 1001, 200
     passed, other = (wp.zeros(size, dtype=wp.int32, device="cpu") for _ in range(2))
@@ -82,13 +78,8 @@ def test_a_loop_does_its_launches_one_after_the_other(threads: int) -> None:
         np.testing.assert_array_equal(passed.numpy(), np.roll(np.arange(size), -2 * turns * done))
 
 
-def test_clears() -> None:
-    filled = wp.full(1001, 7, dtype=wp.int8, device="cpu")
-    Parallel("cpu", 3, least_split=1).clear(filled)()
-    assert (filled.numpy() == 0).all()
-
-
-def test_refuses() -> None:
+def test_devices_and_threads() -> None:
+    assert choose_threads(0) == usable_cores() == Parallel("cpu", 0).ranges
     with pytest.raises(InputError, match="threads"):
         choose_threads(-2)
     with pytest.raises(InputError, match=r"device.*cpu"):

@@ -25,8 +25,7 @@ def bent_spine() -> np.ndarray:
     return share * (moved - nodes)
 
 
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-@pytest.mark.parametrize("count", [1, 4])
+@pytest.mark.parametrize(("count", "precision"), [(1, "float32"), (4, "float64")])
 def test_no_correction_changes_nothing(count: int, precision: str) -> None:
     model = model_of(TWO_BONES, precision=precision)
     for step in increments(model, np.zeros_like(TWO_BONES.nodes), count, tolerance=1e-6):
@@ -51,39 +50,14 @@ def test_increments_come_in_order_with_bones_in_place_and_stay_as_they_were(prec
     assert steps[-1].relaxation.estimated_error <= 1e-3
 
 
-def test_the_path_of_all_nodes_is_evaluated_once() -> None:
-    """Later the tissue is extrapolated, and the path of the nodes on bone is all that is read."""
-    calls = []
-
-    class Counted(PrescribedMotion):
-        def at(self, load_factor: float) -> np.ndarray:
-            calls.append(load_factor)
-            return super().at(load_factor)
-
-    list(simulate(model_of(TWO_BONES), Counted(bent_spine()), SimulationOptions(increments=3)))
-    assert calls == [1.0 / 3.0]
-
-
-@pytest.mark.parametrize("gravity", [0.0, 9.81])
-def test_increments_do_not_change_the_end(gravity: float) -> None:
+def test_increments_do_not_change_the_end() -> None:
     """Theorem 2 of [2], measured: 1, 2 and 5 increments, against an equilibrium found without the engine."""
-    displacement, model = bent_spine(), model_of(TWO_BONES, gravity=gravity)
-    wanted = Reference(TWO_BONES, gravity=gravity).equilibrium(displacement)
+    displacement, model = bent_spine(), model_of(TWO_BONES, gravity=9.81)
+    wanted = Reference(TWO_BONES, gravity=9.81).equilibrium(displacement)
     assert np.linalg.norm(wanted - displacement, axis=1).max() > 0.05
     for count in (1, 2, 5):
         end = settle(model, displacement, count, tolerance=1e-6)
         assert np.linalg.norm(end.displacement - wanted, axis=1).max() < 3e-6
-
-
-def test_another_plan_with_the_same_relaxer_is_the_same_to_the_last_bit() -> None:
-    model, options = model_of(TWO_BONES, precision="float32"), SimulationOptions(increments=3)
-    plans = [PrescribedMotion(bent_spine()), PrescribedMotion(-0.5 * bent_spine())]
-    fresh = [step for plan in plans for step in simulate(model, plan, options)]
-    relaxer = Relaxer(model, options.relax)
-    again = [step for plan in plans for step in simulate(model, plan, options, relaxer=relaxer)]
-    for increment, other in zip(fresh, again, strict=True):
-        assert (increment.from_rest == other.from_rest).all()
-        assert increment.relaxation == other.relaxation
 
 
 def test_the_grids_from_before_nodes_came_off_the_bones_serve_after() -> None:

@@ -41,26 +41,25 @@ def clearing(threads: int) -> Callable[[], bool]:
 
 
 @pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("threads", [2, 3, 5])
+@pytest.mark.parametrize("threads", [2, 5])
 def test_sleeping_threads_are_woken(way: str, threads: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """After any pause: they spin for some 0.1 ms, and then go to sleep at any moment of the next launch."""
     monkeypatch.setenv(VARIABLE, way)
     clears = clearing(threads)
-    pauses = np.random.default_rng(threads).uniform(0.0, 5e-4, 300)
-    pauses[:3] = 0.05
+    pauses = np.random.default_rng(threads).uniform(0.0, 5e-4, 200)
+    pauses[:2] = 0.05
     for pause in pauses:
         time.sleep(pause)
         assert clears()
 
 
 @pytest.mark.skipif(len(WAYS) < 2, reason="this system has one way")
-@pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
-def test_every_way_gives_the_same_bits(energy: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    block = block_with_bone((6, 5, 5))
+def test_every_way_gives_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+    block = block_with_bone((5, 3, 3), holes=((1, 1, 1),))
     ends: list[bytes] = []
     for way in WAYS:
         monkeypatch.setenv(VARIABLE, way)
-        model = model_of(block, energy=energy, precision="float32", device=split_launches(3))
+        model = model_of(block, precision="float32", device=split_launches(3))
         ends.append(relax(model, held_turned(block, 8.0))[1].tobytes())
     assert ends[0] == ends[1]
 
@@ -124,10 +123,8 @@ def test_a_team_that_was_never_whole_ends(way: str, monkeypatch: pytest.MonkeyPa
     ("system", "machine", "way"),
     [
         ("linux", "x86_64", "futex"),
-        ("linux", "aarch64", "futex"),
         ("linux", "riscv64", "locks"),
         ("darwin", "arm64", "locks"),
-        ("win32", "AMD64", "locks"),
     ],
 )
 def test_the_way_of_each_system(system: str, machine: str, way: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -135,13 +132,9 @@ def test_the_way_of_each_system(system: str, machine: str, way: str, monkeypatch
     monkeypatch.setattr(sys, "platform", system)
     monkeypatch.setattr(platform, "machine", lambda: machine)
     assert waking_way() == way
+    assert FUTEX == {"x86_64": 202, "aarch64": 98}  # asm/unistd_64.h and asm-generic/unistd.h of the kernel
     monkeypatch.setenv(VARIABLE, "locks")
     assert waking_way() == "locks"
     monkeypatch.setenv(VARIABLE, "signals")
     with pytest.raises(InputError, match=rf"{VARIABLE}: must be .*locks.*, not 'signals'"):
         Parallel("cpu", 2)
-
-
-def test_the_numbers_of_system_calls() -> None:
-    """Those of the architectures' tables in the kernel's sources: asm/unistd_64.h and asm-generic/unistd.h."""
-    assert FUTEX == {"x86_64": 202, "aarch64": 98}

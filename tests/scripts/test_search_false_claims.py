@@ -1,7 +1,7 @@
 """Cases whose claims were false once, found by the search."""
 
 import pytest
-from search_false_claims import draw, judge
+from search_false_claims import judge
 
 FALSE_ONCE = {
     626: "started with noise: 0.19 mm reported as 0.009",
@@ -22,10 +22,3 @@ def test_what_was_claimed_falsely_is_true_now(seed: int) -> None:
     claims = judge(seed, None)[1]
     assert claims[-1].status == "CONVERGED"
     assert not any(claim.false for claim in claims)
-
-
-def test_a_seed_draws_the_same_case_again() -> None:
-    (first, trunk, moved), (second, again, moved_again) = draw(5, None), draw(5, None)
-    assert first == second
-    assert (trunk.nodes == again.nodes).all()
-    assert (moved == moved_again).all()

@@ -1,11 +1,8 @@
 """Skin, bones, fat and cartilages from voxels, against shapes that are known."""
 
-from pathlib import Path
-
 import nibabel
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from support.blocks import blocks
 from support.label_maps import OBLIQUE, Voxels
@@ -58,50 +55,29 @@ def humeri(box: tuple) -> dict[str, Surface]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("arms", "box", "at"), [("hanging", HANGING, 138.0), ("raised", RAISED, 175.0)])
-def test_arms_are_cut_off_and_the_skin_is_closed(arms, box, at):
-    skin, cuts = body_skin(body(arms), {**BONES, **humeri(box)}, (), 10.0)
+@pytest.mark.parametrize(
+    ("arms", "box", "at"), [("hanging", HANGING, 138.0), ("raised", RAISED, 175.0), ("raised", None, 320.0)]
+)
+def test_arms_with_bones_are_cut_off_and_the_skin_is_closed(arms, box, at):
+    skin, cuts = body_skin(body(arms), {**BONES, **(humeri(box) if box else {})}, (), 10.0)
     check_solid(skin, "skin")
     x, y, z = skin.vertices.T
-    assert np.abs(x).max() < at + SIDE
+    assert at - 30.0 < np.abs(x).max() < at + SIDE
     assert (z.min(), z.max()) == pytest.approx((-5.0, 375.0), abs=0.1)  # 25 mm below the hip bones and above T1
     low = z < 200.0
     assert (np.hypot(x / WIDE, y / DEEP)[low] < 1.05).all()  # no hand, no forearm
-    assert {plane.radius < np.inf for plane in cuts} == {True, False}
-    assert len(cuts) == 4
+    assert len(cuts) == (4 if box else 2)
+    assert any(plane.radius < np.inf for plane in cuts) == bool(box)
     trunk = np.pi * WIDE * DEEP * 380.0
-    assert trunk < enclosed_volume(skin) < 1.05 * trunk
+    assert trunk < enclosed_volume(skin) < (1.05 if box else 1.3) * trunk
 
 
-@pytest.mark.slow
-def test_arms_whose_bones_have_no_labels_stay():
-    skin, cuts = body_skin(body("raised"), BONES, (), 12.0)
-    check_solid(skin, "skin")
-    assert np.abs(skin.vertices[:, 0]).max() > 290.0
-    assert len(cuts) == 2
+def fat_around(made: Voxels, outer: np.ndarray, inner: np.ndarray) -> Mask:
+    return made.mask((outer < OUTER - SKIN_THICKNESS) & (inner > INNER))
 
 
-def test_a_back_that_runs_along_the_voxels_has_no_stairs():
-    side, turn = 3.0, Rotation.from_euler("x", 3.0, degrees=True)
-    voxels = Voxels(
-        -side * np.array([50.0, 40.0, 50.0]), side * np.array([50.0, 40.0, 50.0]), (side,) * 3, np.eye(3)
-    )
-
-    def off(places: np.ndarray) -> np.ndarray:
-        """Distance from an elliptic cylinder that leans by 3 degrees, to first order."""
-        own = turn.inv().apply(places)[:, :2] / [WIDE, DEEP]
-        reach = np.linalg.norm(own, axis=1)
-        return (reach - 1.0) * reach / np.maximum(np.linalg.norm(own / [WIDE, DEEP], axis=1), 1e-9)
-
-    skin, _ = body_skin(voxels.mask(off(voxels.points) < 0.0), {}, (), 8.0)
-    back = skin.vertices[(np.abs(skin.vertices[:, 2]) < 100.0) & (np.abs(skin.vertices[:, 0]) < 80.0)]
-    assert len(back) > 500
-    assert np.abs(off(back)).mean() < 0.11 * side
-    assert np.abs(off(back)).max() < 0.5 * side
-
-
-SPACING = np.array([2.0, 2.0, 3.0])
-SHAPE = (150, 130, 60)
+SPACING = np.array([3.0, 3.0, 4.0])
+SHAPE = (100, 87, 45)
 
 
 def ct() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -122,28 +98,22 @@ def ct() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return values, body, affine
 
 
-def write_ct(path: Path, values: np.ndarray, affine: np.ndarray) -> Path:
+def test_the_body_is_found_with_its_lungs_and_without_the_table(tmp_path):
+    values, true, affine = ct()
+    path = tmp_path / "ct.nii.gz"
     image = nibabel.Nifti1Image(values, affine)
     image.header.set_xyzt_units("mm")
     nibabel.save(image, path)
-    return path
-
-
-def test_the_body_is_found_with_its_lungs_and_without_the_table(tmp_path):
-    values, true, affine = ct()
-    body = body_in_scan(write_ct(tmp_path / "ct.nii.gz", values, affine))
-    assert len(body.points()) * body.voxel_volume == pytest.approx(true.sum() * SPACING.prod(), rel=0.02)
+    body = body_in_scan(path)
+    assert len(body.points()) * body.voxel_volume == pytest.approx(true.sum() * SPACING.prod(), rel=0.03)
     x, y, _ = body.points().T
     centre = -SPACING[:2] * np.array(SHAPE[:2]) / 2.0  # of the trunk, in LPS
     off = np.hypot((x + centre[0]) / 120.0, (y + centre[1]) / 85.0)
-    assert off.max() < 1.04  # neither table nor cable
+    assert off.max() < 1.05  # neither table nor cable
     assert off.min() < 0.05  # the inside is filled
     assert set(body.faces_at_border()) == {(2, 0), (2, 1)}  # it goes on above and below
-
-
-def test_air_alone_is_refused(tmp_path):
-    values, _, affine = ct()
-    path = write_ct(tmp_path / "ct.nii.gz", np.full_like(values, -1000), affine)
+    image.dataobj[:] = -1000
+    nibabel.save(image, path)
     with pytest.raises(InputError, match=r"nothing in it is denser than -300 HU; give a CT in Hounsfield units"):
         body_in_scan(path)
 
@@ -160,8 +130,14 @@ def ball(spacing, turn) -> Mask:
     return mask
 
 
-@pytest.mark.parametrize("spacing", [(1.5, 1.5, 1.5), (1.0, 1.0, 3.0), (0.7, 0.7, 0.7)])
-@pytest.mark.parametrize("turn", [np.eye(3), TURN, np.diag([-1.0, 1.0, 1.0]), TURN @ np.diag([1.0, 1.0, -1.0])])
+@pytest.mark.parametrize(
+    ("spacing", "turn"),
+    [
+        ((1.5, 1.5, 1.5), np.eye(3)),
+        ((1.5, 1.5, 1.5), np.diag([-1.0, 1.0, 1.0])),
+        ((1.0, 1.0, 3.0), TURN @ np.diag([1.0, 1.0, -1.0])),
+    ],
+)
 def test_a_ball_keeps_its_place_its_volume_and_its_outside(spacing, turn):
     mask = ball(spacing, turn)
     shape = bone_shape(mask, "a", 0.8)
@@ -184,34 +160,25 @@ def test_smoothing_takes_the_stairs_off():
     assert smooth < 0.75 * rough
 
 
-def test_a_bone_cut_by_the_border_is_closed_there():
+def test_bones_that_the_border_cuts_or_of_one_voxel_are_closed_and_specks_are_refused():
     mask = ball((1.5, 1.5, 1.5), np.eye(3))
     half = mask.inside[:, :, : mask.shape[2] // 2]
     cut = Mask(half, (0, 0, 0), mask.affine, half.shape)
     assert set(cut.faces_at_border()) == {(2, 1)}
-    shape = bone_shape(cut, "a", 0.8)
-    assert manifold_fault(shape.surface) is None
-    assert abs(shape.change) < 0.003
-
-
-def test_a_plate_of_one_voxel_stays_one_piece():
     plate = Mask(np.ones((15, 15, 1), dtype=bool), (0, 0, 4), np.diag([2.0, 2.0, 2.0, 1.0]), (20, 20, 9))
-    shape = bone_shape(plate, "a", 0.8)
+    for thin in (cut, plate):
+        shape = bone_shape(thin, "a", 0.8)
+        assert manifold_fault(shape.surface) is None
+        assert abs(shape.change) < 0.003
     assert SurfaceDistance(shape.surface).at(np.array([[15.0, 15.0, 8.0]]))[0] < 0.0
-    assert abs(shape.change) < 0.01
-
-
-def test_a_few_voxels_are_no_bone():
-    inside = np.zeros((5, 5, 5), dtype=bool)
-    inside[2, 2, 2] = True
     with pytest.raises(InputError, match=r"^T7: has 1 voxels, 30 are needed"):
-        bone_shape(Mask(inside, (0, 0, 0), np.eye(4), (5, 5, 5)), "T7", 0.8)
+        bone_shape(Mask(np.ones((1, 1, 1), dtype=bool), (2, 2, 2), np.eye(4), (5, 5, 5)), "T7", 0.8)
 
 
 OUTER, INNER, SHIFT = 70.0, 50.0, np.array([6.0, -4.0, 2.0])
 SKIN = sphere(OUTER)
 GRIDS = {
-    "fine": ((1.5, 1.5, 1.5), np.eye(3)),
+    "fine": ((2.0, 2.0, 2.0), np.eye(3)),
     "oblique, mirrored": ((1.0, 1.0, 3.0), np.linalg.qr(OBLIQUE)[0] @ np.diag([-1.0, 1.0, 1.0])),
 }
 
@@ -239,10 +206,11 @@ def off(measured_fat: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
 @pytest.mark.parametrize("grid", GRIDS)
 def test_thickness_is_that_of_the_shell(grid):
     made, outer, inner = voxels(grid)
-    fat = made.mask((outer < OUTER - SKIN_THICKNESS) & (inner > INNER))
-    error = off(fat_thickness(SKIN, fat, made.mask(inner <= INNER), ()))
+    thickness, measured = fat_thickness(SKIN, fat_around(made, outer, inner), made.mask(inner <= INNER), ())
+    assert measured.all()
+    error = np.abs(thickness - truth())
     assert np.ptp(truth()) > 14.0
-    assert error.mean() < 0.35
+    assert error.mean() < 0.4
     assert error.max() < 0.5 * max(GRIDS[grid][0]) + 0.5
 
 
@@ -250,26 +218,22 @@ def test_vessels_in_the_fat_do_not_end_it_and_muscles_do():
     made, outer, inner = voxels("fine")
     vessel = (outer < OUTER - 6.0) & (outer > OUTER - 8.0)
     fat = made.mask((outer < OUTER - SKIN_THICKNESS) & (inner > INNER) & ~vessel)
-    assert off(fat_thickness(SKIN, fat, None, ())).mean() < 0.4
-    ended, _ = fat_thickness(SKIN, fat, made.mask(vessel), ())
-    assert np.abs(ended - np.minimum(truth(), 6.0 - SKIN_THICKNESS)).mean() < 0.6
+    for muscle, wanted in ((None, truth()), (made.mask(vessel), np.minimum(truth(), 6.0 - SKIN_THICKNESS))):
+        thickness, measured = fat_thickness(SKIN, fat, muscle, ())
+        assert measured.all()
+        assert np.abs(thickness - wanted).mean() < 1.1
 
 
-def test_on_a_flat_end_nothing_is_measured():
+def test_nothing_is_measured_on_a_flat_end_or_where_no_mask_reaches():
     made, outer, inner = voxels("fine")
     low = SKIN.vertices[:, 2] < -39.5
     cut = Surface(np.maximum(SKIN.vertices, [-OUTER, -OUTER, -40.0]), SKIN.faces)
     end = CutPlane((0.0, 0.0, -40.0), (0.0, 0.0, -1.0))
-    fat = made.mask((outer < OUTER - SKIN_THICKNESS) & (inner > INNER))
-    thickness, measured = fat_thickness(cut, fat, None, (end,))
+    thickness, measured = fat_thickness(cut, fat_around(made, outer, inner), None, (end,))
     edge = np.isin(np.arange(len(low)), SKIN.faces[~low[SKIN.faces].all(axis=1)])
     np.testing.assert_array_equal(measured, ~low | edge)
-    assert np.abs(thickness - truth())[~low].mean() < 0.35
+    assert np.abs(thickness - truth())[~low].mean() < 0.4
     assert np.ptp(thickness[~measured]) == 0.0
-
-
-def test_masks_of_half_a_body_do_not_make_the_rest_lean():
-    made, outer, inner = voxels("fine")
     upper = made.points[:, 2] > 0.0
     fat = made.mask((outer < OUTER - SKIN_THICKNESS) & (inner > INNER) & upper)
     thickness, measured = fat_thickness(SKIN, fat, made.mask((inner <= INNER) & upper), ())
@@ -310,11 +274,9 @@ def away(points: np.ndarray, line: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("spacing", "turn"), [((2.0, 2.0, 2.0), np.eye(3)), ((0.9, 2.0, 3.0), np.diag([-1.0, 1.0, 1.0]))]
-)
-def test_joined_cartilages_go_to_their_ribs(spacing, turn):
-    drawing = Voxels(np.array([-185.0, -10.0, -95.0]), np.array([185.0, 30.0, 90.0]), spacing, turn)
+def test_joined_cartilages_go_to_their_ribs():
+    low, high = np.array([-185.0, -10.0, -95.0]), np.array([185.0, 30.0, 90.0])
+    drawing = Voxels(low, high, (1.5, 2.0, 2.5), np.diag([-1.0, 1.0, 1.0]))
     cartilages, ribs = cage()
     inside = np.min([away(drawing.points, line) for line in cartilages.values()], axis=0) < THICK
     for s in SIDES.values():  # bridges from 6 to 7

@@ -1,29 +1,27 @@
 """The synthetic trunk: its shapes, bones and skin, straight and with a curve."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from warp_trunk.case import Case, check_case
+from warp_trunk.case import check_case
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume
 from warp_trunk.preparation.deformity import SpineCurve
 from warp_trunk.preparation.phantom import phantom_case, straight_trunk
 from warp_trunk.preparation.phantom.bones import rod, skeleton, tube
-from warp_trunk.preparation.phantom.skin import EDGE, stack, trunk_skin
-
-
-@cache
-def default_case() -> Case:
-    return phantom_case()
+from warp_trunk.preparation.phantom.skin import EDGE, stack
 
 
 def test_it_is_solid_and_its_bones_lie_under_the_skin():
     skin, bones, landmarks = straight_trunk()
     np.testing.assert_allclose(np.ptp(skin.vertices, axis=0), [326.0, 225.0, 575.0])
     check_solid(skin, "skin")
+    assert components(skin).max() == 0
+    assert 3000 <= len(skin.vertices) <= 5000
+    edges = np.linalg.norm(np.diff(skin.vertices[skin.faces[:, [0, 1, 2, 0]]], axis=1), axis=2)
+    assert 0.9 * EDGE < np.median(edges) < 1.1 * EDGE
+    assert edges.max() < 2.5 * EDGE
     distance = SurfaceDistance(skin)
     for name, bone in bones.items():
         check_solid(bone, name)
@@ -33,7 +31,7 @@ def test_it_is_solid_and_its_bones_lie_under_the_skin():
 
 def test_the_case_has_the_curve_it_says():
     """Cobb angles from the endplates alone, not through the code that bends the spine."""
-    case = default_case()
+    case = phantom_case()
 
     def cobb(landmarks) -> float:
         tilts = []
@@ -49,9 +47,8 @@ def test_the_case_has_the_curve_it_says():
     )
 
 
-@pytest.mark.parametrize("kind", ["double_major", "thoracolumbar"])
-def test_deformed_cases_pass_every_check(kind):
-    case = phantom_case(SpineCurve(kind=kind, cobb=70.0, direction="left"))
+def test_a_deformed_case_passes_every_check():
+    case = phantom_case(SpineCurve(kind="double_major", cobb=70.0, direction="left"))
     check_case(case)
     distance = SurfaceDistance(case.skin)
     for name, bone in case.bones.items():
@@ -59,23 +56,15 @@ def test_deformed_cases_pass_every_check(kind):
         assert distance.at(bone.vertices).max() <= -4.0, name
 
 
-BONES, LANDMARKS = skeleton()
-
-
-def mirror(name: str) -> str:
-    if "left" in name:
-        return name.replace("left", "right")
-    return name.replace("right", "left")
-
-
 def test_bones_and_landmarks_are_mirror_images():
-    for name, bone in BONES.items():
-        gap, _ = KDTree(BONES[mirror(name)].vertices).query(bone.vertices * [-1.0, 1.0, 1.0])
-        assert gap.max() < 1e-12
-    for name in LANDMARKS.names:
-        np.testing.assert_allclose(
-            LANDMARKS.point(name) * [-1.0, 1.0, 1.0], LANDMARKS.point(mirror(name)), atol=1e-12
-        )
+    bones, landmarks = skeleton()
+    for name in (*bones, *landmarks.names):
+        mirrored = name.replace("left", "#").replace("right", "left").replace("#", "right")
+        if name in bones:
+            gap, _ = KDTree(bones[mirrored].vertices).query(bones[name].vertices * [-1.0, 1.0, 1.0])
+        else:
+            gap = landmarks.point(name) * [-1.0, 1.0, 1.0] - landmarks.point(mirrored)
+        assert np.abs(gap).max() < 1e-12, name
 
 
 def test_a_tube_of_circles_is_a_cylinder_with_cones():
@@ -115,13 +104,3 @@ def test_a_stack_of_half_discs_is_a_frustum():
     check_solid(surface, "stack")
     frustum = np.pi * 10.0 / 3.0 * (10.0**2 + 10.0 * 20.0 + 20.0**2)
     assert enclosed_volume(surface) == pytest.approx(frustum, rel=1e-3)
-
-
-def test_the_skin_is_one_solid_of_even_triangles():
-    skin = trunk_skin()
-    check_solid(skin, "skin")
-    assert components(skin).max() == 0
-    assert 3000 <= len(skin.vertices) <= 5000
-    edges = np.linalg.norm(np.diff(skin.vertices[skin.faces[:, [0, 1, 2, 0]]], axis=1), axis=2)
-    assert 0.9 * EDGE < np.median(edges) < 1.1 * EDGE
-    assert edges.max() < 2.5 * EDGE

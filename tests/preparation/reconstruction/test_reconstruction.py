@@ -48,29 +48,19 @@ def test_exact_films_give_the_exact_points_in_any_scale_of_their_matrices(landma
     pa, lateral = biplanar(landmarks)
     made = triangulate(pa, replace(lateral, projection=-3.7 * lateral.projection))
     assert np.abs(made.landmarks.points - landmarks.points).max() < 1e-7
-    assert made.miss.max() < 1e-7
-    assert made.noise < 1e-7
+    assert max(made.miss.max(), made.noise) < 1e-7
 
 
 def test_errors_are_as_large_as_the_uncertainty_says(landmarks) -> None:
-    errors, said, noises = [], [], []
-    for seed in range(6):
-        made = triangulate(*biplanar(landmarks, noise=0.8, seed=seed))
-        errors.append(made.landmarks.points - landmarks.points)
-        said.append(made.uncertainty)
-        noises.append(made.noise)
+    """Below that of the paper for one millimetre on the film."""
+    made = [triangulate(*biplanar(landmarks, noise=0.8, seed=seed)) for seed in range(6)]
+    errors = np.array([each.landmarks.points - landmarks.points for each in made])
+    said = np.array([each.uncertainty for each in made])
     # 6 x 104 landmarks: 3 % of statistical error
-    spread, expected = (
-        np.sqrt(np.mean(np.square(errors), axis=(0, 1))),
-        np.sqrt(np.mean(np.square(said), axis=(0, 1))),
-    )
+    spread, expected = (np.sqrt(np.mean(np.square(each), axis=(0, 1))) for each in (errors, said))
     np.testing.assert_allclose(spread, expected, rtol=0.1)
-    assert np.mean(noises) == pytest.approx(0.8, rel=0.1)
-
-
-def test_one_millimetre_on_the_film_gives_less_than_the_papers_error_in_space(landmarks) -> None:
-    made = triangulate(*biplanar(landmarks, noise=1.0), limit=6.0)
-    assert np.linalg.norm(made.landmarks.points - landmarks.points, axis=1).mean() < 2.1
+    assert np.mean([each.noise for each in made]) == pytest.approx(0.8, rel=0.1)
+    assert np.linalg.norm(errors, axis=2).mean() < 0.8 * 2.1
 
 
 def behind(pa: Film, lateral: Film, landmarks: Landmarks) -> tuple[Film, Film]:
@@ -142,10 +132,9 @@ def test_an_affine_patient_gets_bones_that_are_affine_images() -> None:
     assert np.nanmax(fit.left_out) < 1e-7
 
 
-@pytest.mark.parametrize("nugget", [0.0, 5.0])
-def test_left_out_errors_follow_from_the_whole_system(nugget: float) -> None:
+def test_left_out_errors_follow_from_the_whole_system() -> None:
     # e_i = w_i / (A^-1)_ii, without leaving anything out (Dubrule 1983)
-    bones, landmarks = atlas()
+    (bones, landmarks), nugget = atlas(), 5.0
     fit, moved = fit_atlas(bones, landmarks, patient(3.0), nugget=nugget), patient(3.0)
     rows = [i for i, name in enumerate(landmarks.names) if name.startswith("T8_")]
     x, u = landmarks.points[rows], moved.points[rows] - landmarks.points[rows]
@@ -159,16 +148,18 @@ def test_left_out_errors_follow_from_the_whole_system(nugget: float) -> None:
     np.testing.assert_allclose(fit.left_out[rows], expected, rtol=1e-6)
 
 
-def test_a_landmark_the_patient_has_not_is_named() -> None:
+def test_names_that_differ_are_refused() -> None:
     bones, landmarks = atlas()
     few = Landmarks(landmarks.names[:-1], patient().points[:-1])
     with pytest.raises(InputError, match=f"'{landmarks.names[-1]}' is missing"):
         fit_atlas(bones, landmarks, few)
+    with pytest.raises(InputError, match="of marker_0, sticker there is only one"):
+        register_skin(SKIN, ON_SKIN, Landmarks(("sticker", *NAMES[1:]), ON_SKIN.points))
 
 
 def test_with_skins_ribs_are_fitted_under_the_skin_of_a_wider_chest() -> None:
     skin, bones, landmarks = straight_trunk()
-    cage = {name: bone for name, bone in bones.items() if name.startswith(("T", "L", "rib", "sternum"))}
+    cage = {name: bone for name, bone in bones.items() if name.startswith(("T", "rib_left", "sternum"))}
     wide = [1.25, 1.2, 1.0]
     grown = Landmarks(landmarks.names, landmarks.points.copy())  # the spine is as it was; only the cage grows
     trunk = Surface(skin.vertices * wide, skin.faces)
@@ -225,8 +216,3 @@ def test_a_fold_is_refused_and_placed() -> None:
     points[[i, j]] = points[[j, i]]  # two neighbours that are swapped
     with pytest.raises(InputError, match=rf"fold the skin.*near 'marker_({i}|{j})'"):
         register_skin(SKIN, ON_SKIN, Landmarks(NAMES, points))
-
-
-def test_names_must_be_the_same() -> None:
-    with pytest.raises(InputError, match="of marker_0, sticker there is only one"):
-        register_skin(SKIN, ON_SKIN, Landmarks(("sticker", *NAMES[1:]), ON_SKIN.points))
