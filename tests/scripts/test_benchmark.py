@@ -15,6 +15,7 @@ from benchmarking.prepare import as_simulated
 from benchmarking.problem import Problem, read_problem, solve_truth, write_problem
 from benchmarking.record import Record, Setting, read_records, write_records
 from benchmarking.scaling import measure_size, size_table
+from benchmarking.scenes import scenes_table
 from benchmarking.tables import replaced, short_table
 
 from support.asserting import not_none
@@ -101,6 +102,16 @@ def test_sizes_are_compared_with_the_finest(tmp_path: Path) -> None:
     assert np.abs(size.skin.vertices - problem().skin(not_none(problem().truth)).vertices).max() < 2e-3
     moved = replace(size, skin=replace(size.skin, vertices=size.skin.vertices + np.array([0.0, 0.0, 0.25])))
     assert "0.25 | 0.25 |" in size_table([size, moved])
+
+
+@pytest.mark.slow
+def test_scenes_are_all_measured() -> None:
+    setting = Setting(method="newton", threads=1, precision="float32", device="cpu")
+    rows = [row.split("|") for row in scenes_table(problem(), setting).splitlines()[2:]]
+    assert [row[3].strip() for row in rows[:1]] == ["1.00"]
+    work = [int(row[6]) for row in rows]
+    assert work[8] == work[9] == work[0]  # who looks on changes nothing
+    assert work[1] != work[0] or work[2] != work[0]  # another energy is another problem
 
 
 @pytest.mark.slow

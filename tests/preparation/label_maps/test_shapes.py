@@ -101,9 +101,7 @@ def ct() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def test_the_body_is_found_with_its_lungs_and_without_the_table(tmp_path):
     values, true, affine = ct()
     path = tmp_path / "ct.nii.gz"
-    image = nibabel.Nifti1Image(values, affine)
-    image.header.set_xyzt_units("mm")
-    nibabel.save(image, path)
+    nibabel.save(nibabel.Nifti1Image(values, affine), path)
     body = body_in_scan(path)
     assert len(body.points()) * body.voxel_volume == pytest.approx(true.sum() * SPACING.prod(), rel=0.03)
     x, y, _ = body.points().T
@@ -112,8 +110,7 @@ def test_the_body_is_found_with_its_lungs_and_without_the_table(tmp_path):
     assert off.max() < 1.05  # neither table nor cable
     assert off.min() < 0.05  # the inside is filled
     assert set(body.faces_at_border()) == {(2, 0), (2, 1)}  # it goes on above and below
-    image.dataobj[:] = -1000
-    nibabel.save(image, path)
+    nibabel.save(nibabel.Nifti1Image(np.full_like(values, -1000), affine), path)
     with pytest.raises(InputError, match=r"nothing in it is denser than -300 HU; give a CT in Hounsfield units"):
         body_in_scan(path)
 
