@@ -1,4 +1,4 @@
-"""The stable neo-Hookean material in float64: energies and stresses, forces and curvatures of a tetrahedron."""
+"""The springs of [2] and the stable neo-Hookean material: energies, stresses, forces, curvatures of tetrahedra."""
 
 # Warp's annotations are values:
 # pyright: reportInvalidTypeForm=false
@@ -19,7 +19,6 @@ from warp_trunk.engine.model import Model
 from warp_trunk.engine.tissue import Tissue
 
 MU, BULK = 1.7, 23.0
-RATIOS = [0.0, 0.3, 0.45, 0.49]
 SIZES = [1e-3, 1.0, 1e3]
 TETS = 12
 """Cases of each kind."""
@@ -115,18 +114,18 @@ def test_crushed_by_hand() -> None:
     np.testing.assert_allclose(piola[1, 2, 2], along - (0.75 + 25.0) * BULK, rtol=1e-14)
 
 
-def separate(size: float = 1.0, ratio: float = 0.45) -> Model:
+def separate(size: float = 1.0, ratio: float = 0.45, energy: str = "neo-hookean") -> Model:
     """Well-shaped random tetrahedra, each with corners of its own, the first at the origin."""
     noise = np.random.default_rng(2).normal(scale=0.2, size=(TETS, 3, 3))
     turns = np.stack([rotation(37.0 * n, (1.0, n, -n * n)) for n in range(TETS)])
-    return tets_of(size * (np.eye(3) + noise) @ turns, Tissue(poisson_ratio=ratio))
+    return tets_of(size * (np.eye(3) + noise) @ turns, Tissue(poisson_ratio=ratio), energy)
 
 
-def tets_of(edges: np.ndarray, tissue: Tissue) -> Model:
+def tets_of(edges: np.ndarray, tissue: Tissue, energy: str = "neo-hookean") -> Model:
     """Of edge vectors from the first corner, as rows, shape (tets, 3, 3)."""
     nodes = np.concatenate([np.zeros((len(edges), 1, 3)), edges], axis=1).reshape(-1, 3)
     number = np.arange(len(nodes))
-    return model_of(trunk(nodes, number.reshape(-1, 4), number % 4 < 3), tissue, energy="neo-hookean")
+    return model_of(trunk(nodes, number.reshape(-1, 4), number % 4 < 3), tissue, energy=energy)
 
 
 def rest_of(model: Model) -> np.ndarray:
@@ -161,7 +160,7 @@ def test_force_is_the_stress_on_the_faces(size: float) -> None:
     np.testing.assert_allclose(gradient[:, 1:], wanted, rtol=1e-10, atol=1e-12 * np.abs(wanted).max())
 
 
-@pytest.mark.parametrize("ratio", RATIOS)
+@pytest.mark.parametrize("ratio", [0.0, 0.3, 0.45, 0.49])
 def test_curvature_is_exact_at_rest_and_where_it_is_positive_anyway(ratio: float) -> None:
     """Tetrahedra pulled a little in every direction: three motions cost nothing, none gains."""
     model = separate(10.0, ratio)
@@ -174,18 +173,43 @@ def test_curvature_is_exact_at_rest_and_where_it_is_positive_anyway(ratio: float
         np.testing.assert_allclose(curvature[positive], exact[positive], rtol=0.0, atol=1e-7 * np.abs(exact).max())
 
 
-@pytest.mark.parametrize("ratio", [*RATIOS, 0.499])
-def test_curvature_is_positive_semidefinite_everywhere(ratio: float) -> None:
-    model, rng, states = separate(10.0, ratio), np.random.default_rng(6), deformations()
+@pytest.mark.parametrize(
+    ("energy", "ratio"), [("itmsm", 0.45), *(("neo-hookean", ratio) for ratio in (0.0, 0.3, 0.45, 0.499))]
+)
+def test_curvature_is_positive_semidefinite_everywhere(energy: str, ratio: float) -> None:
+    model, rng, states = separate(10.0, ratio, energy), np.random.default_rng(6), deformations()
     for scale in (0.02, 0.1, 0.5, 2.0):
         for number in range(20):
             states[f"{scale} {number}"] = np.eye(3) + scale * rng.normal(size=(TETS, 3, 3))
     for state, f in states.items():
         curvature = projected(model, moved(model, f))
         assert np.isfinite(curvature).all(), state
+        assert np.isfinite(gradient_of(evaluated(model, moved(model, f)))).all(), state
         largest = np.abs(curvature).max(axis=(1, 2))
         np.testing.assert_allclose(curvature, curvature.transpose(0, 2, 1), rtol=0.0, atol=1e-13 * largest.max())
         assert (np.linalg.eigvalsh(curvature)[:, 0] >= -1e-8 * largest - 1e-15).all(), state
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_springs_by_hand(size: float) -> None:
+    """Grown by 2 and by 3: each length by 1 and 2 of itself, each area by 3 and 8, each volume by 7 and 26; inside
+    out a volume lacks twice itself."""
+    model = separate(size, energy="itmsm")
+
+    def terms(scale: float) -> dict[str, float]:
+        return evaluated(model, moved(model, np.tile(scale * np.eye(3), (TETS, 1, 1)))).energy().terms
+
+    for name, (twice, thrice) in {"distance": (1, 2), "area": (3, 8), "volume": (7, 26)}.items():
+        assert terms(3.0)[name] / terms(2.0)[name] == pytest.approx((thrice / twice) ** 2, rel=1e-12)
+    assert terms(-1.0)["distance"] == pytest.approx(0.0, abs=1e-20)
+    assert terms(-1.0)["volume"] / terms(2.0)["volume"] == pytest.approx((2 / 7) ** 2, rel=1e-12)
+
+
+def test_curvature_of_stretched_edges_is_exact() -> None:
+    edges = tets_of(10.0 * np.eye(3)[None], Tissue(epsilon=0.0, theta=0.0, poisson_ratio=0.0), "itmsm")
+    stretched = moved(edges, np.array([np.diag([1.8, 1.5, 2.1])]))
+    exact = of_each(differenced_gradient(edges, stretched))
+    np.testing.assert_allclose(projected(edges, stretched), exact, rtol=0.0, atol=1e-7 * np.abs(exact).max())
 
 
 def test_a_sliver_stays_finite() -> None:
