@@ -61,6 +61,9 @@ def test_skin_keeps_its_vertices_order_and_faces_and_bones_their_surface(trunk):
     np.testing.assert_array_equal(trunk.bone[clear], np.where(trunk.nodes[clear, 2] > 0.0, 0, 1))
     centres = np.array([[0.0, 5.0, 22.0], [0.0, 5.0, -22.0]])[trunk.bone[clear]]
     np.testing.assert_allclose(np.linalg.norm(trunk.nodes[clear] - centres, axis=1), 25.0, atol=2.0)
+    edges = np.linalg.norm(np.diff(trunk.nodes[trunk.bone_faces], axis=1), axis=2)
+    average = (6.0 * 2.0**0.5 * 4 / 3 * np.pi * 100.0**3 / 5000) ** (1 / 3)  # the edge of a regular tetrahedron
+    assert np.median(edges) == pytest.approx(0.7 * average, rel=0.2)
     union = 2 * 4 / 3 * np.pi * 25.0**3  # less the lens of height 2 * 3
     union -= 2 * np.pi / 3.0 * 3.0**2 * (3 * 25.0 - 3.0)
     assert tet_volumes(trunk.nodes, trunk.tets).sum() == pytest.approx(4 / 3 * np.pi * 100.0**3 - union, rel=0.02)
@@ -178,6 +181,13 @@ def test_between_two_bones_no_tetrahedron_is_held_at_all_corners(gap) -> None:
     assert 0 < freed.sum() <= 8  # nodes of the two faces towards each other, no others
     np.testing.assert_allclose(gap.nodes[freed, 0], 2.5 * 8.0, atol=0.61 * 8.0)
     np.testing.assert_array_equal(free.bone[~freed], gap.bone[~freed])
+
+
+def test_a_tetrahedron_of_one_bone_stays_held() -> None:
+    nodes, tets, _ = grid((2, 1, 1), 8.0)
+    last = (np.arange(12) == 11).astype(np.int32)
+    mesh = replace(meshes.trunk(nodes, tets, last >= 0), bone=last, bone_names=("T8", "T9"))
+    np.testing.assert_array_equal(free_joints(mesh).bone, -last)
 
 
 @pytest.mark.parametrize("slides", ["scapula_left", "clavicle_right"])

@@ -165,7 +165,7 @@ class _BoundSearch:
         if self._too_many < bound < self._too_few:
             return float(bound)
         if np.isinf(self._too_few):
-            return 3.0 * self._too_many if 0.0 < self._too_many < 0.01 * self._volume else np.inf
+            return np.inf
         return float(np.sqrt(max(self._too_many, 0.1 * self._too_few) * self._too_few))
 
     def saw(self, bound: float, count: int) -> None:
