@@ -32,14 +32,14 @@ OPTIONS = MeshOptions(tets=5000, bone_voxel=6.0)
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
-    """A mesh, the same from the cache, and what was told; the folder of the cache does not exist before."""
-    told = []
+    """A mesh, the same from the cache, and the stages that were named; the folder of the cache does not exist before."""
+    stages = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("WARP_TRUNK_CACHE", str(tmp_path_factory.mktemp("cache") / "kept" / "here"))
-        builds = [make_trunk(SKIN, BONES, OPTIONS, told.append) for _ in range(2)]
+        builds = [make_trunk(SKIN, BONES, OPTIONS, stages.append) for _ in range(2)]
         with refuses("tets: 4 were asked for"):  # no mesh of other options
             make_trunk(SKIN, BONES, replace(OPTIONS, tets=4))
-    return *builds, [text for text in told if "of TetGen" not in text]
+    return *builds, [text for text in stages if "of TetGen" not in text]
 
 
 @pytest.fixture(scope="module")
@@ -103,9 +103,9 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_the_second_build_comes_from_the_cache(built):
-    first, again, told = built
+    first, again, stages = built
     assert (first.from_cache, again.from_cache) == (False, True)
-    assert told == [
+    assert stages == [
         "checking the skin",
         "making one surface of the bones",
         "filling the soft tissue with tetrahedra",
@@ -160,8 +160,8 @@ def test_joints_are_free_where_two_bones_touch_and_not_elsewhere(trunk) -> None:
     freed = (trunk.bone >= 0) & (free.bone < 0)
     np.testing.assert_array_equal(freed[trunk.prescribed & (away < 4.0)], True)
     volumes, held = tet_volumes(trunk.nodes, trunk.tets), trunk.prescribed[trunk.tets].all(axis=1)
-    others = np.unique(trunk.tets[(volumes < np.median(volumes) / 500) | held])
-    assert set(np.flatnonzero(freed & (away >= 4.0))) <= set(others)
+    loose = np.unique(trunk.tets[(volumes < np.median(volumes) / 500) | held])
+    assert set(np.flatnonzero(freed & (away >= 4.0))) <= set(loose)
     assert set(free.bone[free.bone >= 0]) == {0, 1}
 
 

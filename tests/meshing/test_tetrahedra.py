@@ -32,10 +32,10 @@ BONE = joined(*(sphere(20.0, (x, 0.0, 1300.0), 2) for x in (-40.0, 40.0)))
 
 def test_asked_number_is_met_and_the_space_between_is_filled():
     """Nodes of both surfaces come first, and the boundary is theirs."""
-    told = []
-    made = tetrahedralize(SKIN, BONE, 8000, progress=told.append)
+    stages = []
+    made = tetrahedralize(SKIN, BONE, 8000, progress=stages.append)
     assert abs(len(made.tets) - 8000) <= 0.15 * 8000
-    assert told == [f"run {number} of TetGen, of 6 at most" for number in range(1, made.runs + 1)]
+    assert stages == [f"run {number} of TetGen, of 6 at most" for number in range(1, made.runs + 1)]
     volumes = tet_volumes(made.nodes, made.tets)
     assert volumes.min() > 0.0
     assert volumes.sum() == pytest.approx(enclosed_volume(SKIN) - enclosed_volume(BONE), rel=1e-9)
