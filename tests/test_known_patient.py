@@ -389,8 +389,8 @@ def test_every_section_is_that_of_its_level_and_is_turned_as_its_words_say(both:
             level = axes.get_title(loc="left")
             angles = [sign * shape.rotations[level] for shape in STATES.values()]
             words = axes.get_title(loc="right").split(" → ")
-            known = max(abs(angles[0] - angles[1]), abs(angles[1])) > 1.96 * SD
-            assert words == [sided(angles[0]), sided(angles[1]) if known else "not known"]
+            is_sure = max(abs(angles[0] - angles[1]), abs(angles[1])) > 1.96 * SD
+            assert words == [sided(angles[0]), sided(angles[1]) if is_sure else "not known"]
             tangents = [line for line in axes.lines if line.get_linewidth() == 1.3]
             slopes = [slope_on_page(axes, line.get_xydata()) for line in tangents]  # the back is below
             np.testing.assert_allclose(slopes, angles, atol=0.05)

@@ -1,7 +1,9 @@
 """The viewer itself: what it shows of a recording, live and in a browser, and who can reach it."""
 
 import io
+import socket
 import subprocess
+import sys
 import threading
 import time
 import urllib.error
@@ -17,9 +19,8 @@ from support.rrd import column
 from support.small_trunk import made_up_increments, measured, small_case, start_recording
 from warp_trunk.recording import start_viewer, viewer
 from warp_trunk.recording.colours import LABEL_BOX
-from warp_trunk.recording.viewer import address, page_server, stop
+from warp_trunk.recording.viewer import POLICY, address, free_port, listens, page_server, stop
 
-pytestmark = pytest.mark.slow
 DRIVERS = [Path(folder) / "vulkan/icd.d" for folder in ("/usr/share", "/usr/local/share", "/etc")]
 needs_vulkan = pytest.mark.skipif(
     not any(folder.is_dir() and any(folder.iterdir()) for folder in DRIVERS),
@@ -84,6 +85,7 @@ def recorded(tmp_path_factory):
 
 
 @needs_vulkan
+@pytest.mark.slow
 def test_the_viewer_shows_every_view_without_an_error(recorded):
     with headless_viewer(recorded) as client:
         first, last = picture(client, 0), picture(client, 3)
@@ -107,6 +109,7 @@ def test_the_viewer_shows_every_view_without_an_error(recorded):
 
 
 @needs_vulkan
+@pytest.mark.slow
 def test_the_box_behind_a_label_is_the_one_its_colours_were_chosen_for(recorded):
     with headless_viewer(recorded) as client:
         last = picture(client, 3)
@@ -115,6 +118,7 @@ def test_the_box_behind_a_label_is_the_one_its_colours_were_chosen_for(recorded)
 
 
 @needs_vulkan
+@pytest.mark.slow
 def test_live_shows_it_and_a_viewer_that_is_closed_takes_nothing_from_the_file(tmp_path, monkeypatch):
     from rerun.experimental import ViewerClient
 
@@ -145,22 +149,58 @@ def test_live_shows_it_and_a_viewer_that_is_closed_takes_nothing_from_the_file(t
     assert sorted(column(path, "/now/skin", "vertex_positions")) == [0, 1, 2, 3, 4]
 
 
-def test_the_browser_can_reach_nothing_but_this_machine(recorded):
-    with page_server(recorded) as server:
+def answered(recording: Path, *paths: str) -> dict[str, tuple[int, str, str, bytes]]:
+    """Status, type, policy and body of the answers of the page that shows a recording."""
+    answers = {}
+    with page_server(recording) as server:
         assert server.server_address[0] == "127.0.0.1"
         thread = threading.Thread(target=server.serve_forever, args=(0.01,))
         thread.start()
+        root = f"http://127.0.0.1:{server.server_port}"
+        assert address(server) == f"{root}/?url={root}/recording.rrd&hide_welcome_screen=1"
         try:
-            root = f"http://127.0.0.1:{server.server_port}"
-            assert f"url={root}/recording.rrd" in address(server)
-            for path, expected in (("/", b"<html"), ("/re_viewer_bg.wasm", b"\0asm"), ("/recording.rrd", b"RRF2")):
-                with urllib.request.urlopen(root + path) as answer:
-                    assert expected in answer.read()[:500]
-                    policy = answer.headers["Content-Security-Policy"]
-                assert "connect-src 'self'" in policy
-                assert "http" not in policy
-            with pytest.raises(urllib.error.HTTPError):
-                urllib.request.urlopen(root + "/../secret")
+            for path in paths:
+                try:
+                    with urllib.request.urlopen(root + path) as answer:
+                        head = (answer.headers["Content-Type"], answer.headers["Content-Security-Policy"])
+                        answers[path] = (answer.status, *head, answer.read())
+                except urllib.error.HTTPError as error:
+                    answers[path] = (error.code, "", "", b"")
         finally:
             server.shutdown()
             thread.join()
+    return answers
+
+
+def test_the_page_has_its_parts_and_the_recording_and_reaches_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "a.rrd").write_bytes(b"RRF2...")
+    monkeypatch.setattr(viewer, "_page", lambda: {"/": b"<html>", "/re_viewer.js": b"js"})
+    assert answered(tmp_path / "a.rrd", "/", "/?a=b", "/re_viewer.js", "/recording.rrd", "/../secret") == {
+        "/": (200, "text/html; charset=utf-8", POLICY, b"<html>"),
+        "/?a=b": (200, "text/html; charset=utf-8", POLICY, b"<html>"),
+        "/re_viewer.js": (200, "text/javascript", POLICY, b"js"),
+        "/recording.rrd": (200, "application/octet-stream", POLICY, b"RRF2..."),
+        "/../secret": (404, "", "", b""),
+    }
+    assert "connect-src 'self'" in POLICY
+    assert "http" not in POLICY
+
+
+@pytest.mark.slow
+def test_the_page_is_that_of_rerun(recorded: Path) -> None:
+    answers = answered(recorded, "/", "/re_viewer_bg.wasm", "/recording.rrd")
+    for body, expected in zip(answers.values(), (b"<html", b"\0asm", b"RRF2"), strict=True):
+        assert expected in body[3][:500]
+
+
+def test_a_program_listens_while_it_runs_and_is_stopped_with_what_it_started() -> None:
+    port = free_port()
+    running = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
+    with socket.create_server(("127.0.0.1", port)):
+        assert listens(running, port)
+    stop(running)
+    assert running.poll() not in (None, 0)
+    assert not listens(running, free_port())
+    stop(running)  # again: nothing happens

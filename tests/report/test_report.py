@@ -199,15 +199,12 @@ def test_curves_that_follow_are_told_from_those_of_the_plan():
     rows = [Measured("predicted", curve.ends, "cobb_deg", 9.0) for curve in curves]
     asked = "The plan takes the curve from 40 to 9 degrees (T4 to T11, to the right)."
     first = "from 20 to 9 degrees (T1 to T4, to the left)"
-    for count, others in (
-        (1, ""),
-        (2, f" The other curve follows: {first}."),
-        (3, f" The other curves follow: {first} and"),
+    for own, more in (
+        (rows[1:2], ""),
+        (rows[:2], f" The other curve follows: {first}."),
+        (rows, f" The other curves follow: {first} and"),
     ):
-        known = MeasureTable(
-            [row for row in rows if row.level == "T4-T11"] + rows[:1] * (count > 1) + rows[2:] * (count > 2)
-        )
-        assert planned(known, curves, levels, PLAN).startswith(asked + others)
+        assert planned(MeasureTable(own), curves, levels, PLAN).startswith(asked + more)
     assert planned(MeasureTable([]), curves, levels, PLAN) == "The spine has no curve of 10 degrees or more."
 
 

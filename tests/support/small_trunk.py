@@ -10,7 +10,7 @@ import numpy as np
 import rerun as rr
 
 from support.known_spine import before_and_after
-from warp_trunk.bone_motion.prescribed_motion import spline_path
+from warp_trunk.bone_motion.prescribed_motion import rigid_path, spline_path
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks
 from warp_trunk.engine.relaxation import Energy, Relaxation, RelaxStatus
@@ -19,7 +19,7 @@ from warp_trunk.measures import measure
 from warp_trunk.meshing import predicted_skin
 from warp_trunk.recording import Recording
 from warp_trunk.run.options import Execution, RunOptions
-from warp_trunk.run.patient import PreparedPatient, patient_of
+from warp_trunk.run.patient import PreparedPatient, motions_of, patient_of
 
 from .meshes import grid, trunk, turned_about_z, with_skin
 
@@ -120,7 +120,10 @@ def made_up_increments(trunk, count=3, status=None):
 
 def start_recording(path, case, trunk, **options):
     """A recording of a case that has no increment yet."""
-    path_of_bones = spline_path(trunk.nodes, case.landmarks_before, case.landmarks_after)
+    if case.has_spine:
+        path_of_bones = spline_path(trunk.nodes, case.landmarks_before, case.landmarks_after)
+    else:
+        path_of_bones = rigid_path(trunk, motions_of(case))
     before = measure(case.skin, case.landmarks_before)
     actual = None if case.actual_skin is None else measure(case.actual_skin, case.landmarks_after)
     recording = Recording(path, case, trunk, before, actual, path_of_bones, **options)
