@@ -13,12 +13,12 @@ import pytest
 from support.small_case import part_case
 from support.small_trunk import APEX, curved_case
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, PlannedSurgery, Planner, plan_surgery, read_plan
-from warp_trunk.bone_motion.plan.surgery import HELD, surgery_record
+from warp_trunk.bone_motion.plan.surgery import surgery_record
 from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.case.motions import Motion, Turn, rigid_motions
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import RigidMotion
-from warp_trunk.live.number_table import WAITING, _rotation, numbers_html
+from warp_trunk.live.number_table import _rotation
 from warp_trunk.live.saved_plans import SavedPlans
 from warp_trunk.live.session import PlanView
 from warp_trunk.live.sliders import (
@@ -32,10 +32,7 @@ from warp_trunk.live.sliders import (
     first_state,
     with_handles,
 )
-from warp_trunk.measures import measure
-from warp_trunk.measures.number_text import MISSING
 from warp_trunk.measures.quantities import Measured, MeasureTable
-from warp_trunk.measures.rows import number
 from warp_trunk.run.patient import motions_of
 from warp_trunk.spine import cobb_angles
 from warp_trunk.spine.apical import axial_rotation
@@ -114,43 +111,6 @@ def test_plans_of_before_are_found_and_no_others(tmp_path: Path) -> None:
     assert (again.names, again.earlier, again.views) == (("mine",), {"mine": SURGERY.plan}, {})
 
 
-PLAN = Plan(uiv="T4", liv="T11", curves=(CurvePlan(apex=APEX, correction=0.5),))
-BEFORE = measure(CASE.skin, CASE.landmarks_before)
-VIEW = PlanView(1, {}, plan_surgery(CASE, PLAN), {}, CASE.skin.vertices, error=2.34, warnings=("a < b",))
-
-
-def test_the_table_has_what_the_plan_and_the_skin_have() -> None:
-    measured = replace(VIEW, relaxed=True, measures=BEFORE)
-    text = numbers_html(CASE, BEFORE, measured)
-    assert isinstance(VIEW.surgery, PlannedSurgery)
-    curve = next(curve for curve in VIEW.surgery.curves if curve.planned)
-    row = text[text.index(f"Cobb angle {curve.before.upper} to {curve.before.lower}") :]
-    assert re.findall(r"<td[^>]*>([^<]*)</td>", row)[:2] == [number(curve.before.angle), number(curve.cobb_after)]
-    assert "Look:</b> a &lt; b" in text
-    assert text.count("<rect") == 2 * sum(angle is not None for angle in BEFORE.bsr.values())
-    assert WAITING not in text
-
-
-def test_numbers_of_a_skin_that_is_not_relaxed_are_blank_and_the_curves_are_not() -> None:
-    """The column "plan" holds numbers of this plan or is blank, never those of the plan before."""
-    text = numbers_html(CASE, BEFORE, VIEW)
-    assert f"The back{WAITING}" in text
-    rows = dict(re.findall(r"<th[^>]*>([^<]*)</th>((?:<td>[^<]*</td>)+)", re.sub(r" data-label=[^>]*", "", text)))
-    of_skin = {name: cells for name, cells in rows.items() if "hump" in name or "(BSR)" in name}
-    assert len(of_skin) >= 3
-    assert all(cells.endswith(f"<td>{MISSING}</td>") for cells in of_skin.values())
-    assert all(f"<td>{MISSING}</td>" not in cells for name, cells in rows.items() if name.startswith("Cobb"))
-    assert text.count("<rect") == sum(angle is not None for angle in BEFORE.bsr.values())  # before alone
-
-
-def test_a_plan_to_compare_with_is_a_column_of_its_own() -> None:
-    other = replace(VIEW, measures=BEFORE)
-    text = numbers_html(CASE, BEFORE, other, ("<mine>", other))
-    assert "&lt;mine&gt;" in text
-    assert "<mine>" not in text
-    assert text.count("<rect") == 3 * sum(angle is not None for angle in BEFORE.bsr.values())
-
-
 def test_bars_have_the_scale_of_the_levels_that_decide() -> None:
     rows = [
         Measured(state, level, "bsr_deg", angle)
@@ -161,19 +121,6 @@ def test_bars_have_the_scale_of_the_levels_that_decide() -> None:
     assert levels == [("T1", "68 right"), ("T8", "10 right"), ("L3", "5.0 left")]
     wide = [width for _, _, width, _, _ in bars]
     assert wide == pytest.approx([wide[2]] * 4 + [wide[2] / 2.0] * 2)
-
-
-def test_intervals_have_a_column_and_hide_what_is_wider_than_it_says() -> None:
-    angle = BEFORE.bsr[APEX]
-    wide = Measured.with_sd("predicted", APEX, "bsr_deg", 3.0, 20.0)
-    cobb = next(curve for curve in SURGERY.curves if curve.planned).before
-    sure = Measured.with_sd("predicted", cobb.ends, "cobb_deg", 20.0, 2.0)
-    text = numbers_html(CASE, BEFORE, replace(VIEW, relaxed=True, measures=BEFORE, intervals=(wide, sure)))
-    assert angle is not None
-    assert '<th scope="col">19 of 20</th>' in text
-    assert '<td data-label="19 of 20">16 to 24</td>' in text
-    assert f'<td data-label="19 of 20">{HELD}</td>' in text
-    assert text.count(">not known</text>") == 1
 
 
 REST = SpineSliders(CASE)

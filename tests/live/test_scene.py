@@ -1,34 +1,23 @@
 """Lines of depth on the skin, and the field between plans that are known."""
 
-from contextlib import nullcontext
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
-from scipy.spatial.transform import Rotation
 
 from support.small_trunk import curved_case
-from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.live.loopback import LoopbackServer
 from warp_trunk.live.page_scene import (
     HATCH,
     LINE_DISTANCE,
     OUTLINE,
-    UPRIGHT,
-    PageScene,
     hatch_lines,
     outer_first,
     outlines,
     relief_lines,
 )
 from warp_trunk.live.relaxation import Images, InitialGuess
-from warp_trunk.live.session import PlanView
-from warp_trunk.live.sliders import SpineSliders, first_state
-from warp_trunk.recording.viewer import free_port
 
 
 def check_circles(ends: np.ndarray, axis: int, step: float, numbers: range) -> None:
@@ -130,59 +119,9 @@ def test_the_error_of_an_image_is_that_of_the_last_skin_and_grows_with_the_way()
     assert images.of(plans[0])[1] == pytest.approx(0.3, abs=1e-3)
 
 
-def test_bones_stand_where_their_motions_take_them_and_sides_have_their_names() -> None:
-    case = curved_case()
-    planner = SpineSliders(case)
-    surgery = planner.surgery(first_state(planner))
-    turn = RigidMotion.exp(np.array([0.1, -0.2, 0.3, 4.0, 5.0, 6.0]))
-    server = LoopbackServer(free_port(), "bones")
-    try:
-        scene = PageScene(server, case)
-        view = PlanView(1, {}, surgery, dict.fromkeys(case.bones, turn), case.skin.vertices)
-        scene.show(view)
-        for name, bone in scene._bones.items():
-            drawn = (
-                Rotation.from_quat(bone.wxyz, scalar_first=True).apply(case.bones[name].vertices) + bone.position
-            )
-            np.testing.assert_allclose(drawn, turn.apply(case.bones[name].vertices), atol=1e-4)
-        labels = server.scene._handle_from_node_name
-        x = case.skin.vertices[:, 0]
-        assert labels["/sides/left"].position[0] > x.max() > x.min() > labels["/sides/right"].position[0]
-        for side in ("left", "right"):
-            assert (
-                case.skin.vertices[:, 1].min()
-                < labels[f"/sides/{side}"].position[1]
-                < case.skin.vertices[:, 1].max()
-            )
-        upright = Rotation.from_quat(UPRIGHT, scalar_first=True).apply([0.0, 1.0, 0.0])
-        np.testing.assert_allclose(upright, [0.0, 0.0, 1.0], atol=1e-9)  # up of GLB is y
-        camera: Any = SimpleNamespace(client=SimpleNamespace(atomic=nullcontext), aspect=1.0)
-        scene.stand_back(camera)
-        assert camera.position[1] > case.skin.vertices[:, 1].max()  # behind
-    finally:
-        server.stop()
-
-
 def test_a_plan_beside_a_remembered_one_takes_its_place_and_else_one_of_two_that_are_close() -> None:
     guess = guess_of_plans(1.0, 4.0, 8.0)
     guess.learn(ZERO + 8.05 * WAY, field(3.0))
     assert guess.way(ZERO + 8.0 * WAY) > 0.0
     np.testing.assert_allclose(guess.at(ZERO + 8.05 * WAY), field(3.0), atol=1e-12)
     assert guess.way(ZERO + 4.0 * WAY) == 0.0
-
-
-def test_only_what_was_not_measured_is_hatched_on_the_page_skin_and_shirt() -> None:
-    case = curved_case()
-    front = case.skin.vertices[:, 1] < 0.0
-    server = LoopbackServer(free_port(), "hatch")
-    try:
-        scene = PageScene(server, replace(case, unseen=front.astype(np.float64)))
-        points = np.asarray(scene._hatch.points)
-        assert scene._hatch.visible
-        assert len(points) > 20
-        behind = case.skin.vertices[:, 1].max()
-        assert points[..., 1].min() < case.skin.vertices[:, 1].min() + 1.0
-        assert points[..., 1].max() < 0.7 * behind
-        assert not PageScene(server, case)._hatch.visible
-    finally:
-        server.stop()
