@@ -115,7 +115,7 @@ def test_the_page_is_as_accepted(tmp_path: Path) -> None:
     first = PlanView(1, {}, surgery, dict.fromkeys(case.bones, turned), image.vertices)
     relaxed = replace(
         first, skin=skin.vertices, error=0.05, warnings=("Look <here>.",), relaxed=True,
-        measures=measure(skin, case.planned_landmarks, case.skin),
+        measures=measure(skin, case.planned_landmarks, case.skin, case.unseen),
     )  # fmt: skip
     settled = replace(
         relaxed, settled=True, intervals=(Measured(PREDICTED, "T8", "bsr_deg", 7.3, 4.0, 10.0),

@@ -79,8 +79,8 @@ def test_the_recording_is_as_accepted(recorded: Path) -> None:
 
 
 def test_the_recording_of_a_part_is_as_accepted(tmp_path: Path) -> None:
-    case, *rest = known_part()
-    record(tmp_path / "part.rrd", replace(case, actual_skin=None), *rest).close()
+    case, mesh, displacement = known_part()
+    record(tmp_path / "part.rrd", replace(case, actual_skin=None), mesh, displacement).close()
     check_shown("recording_of_part", recording_lines(tmp_path / "part.rrd"))
 
 
@@ -96,7 +96,7 @@ def test_labels_can_be_read_on_the_viewers_box(recorded: Path) -> None:
     labels += [f"section/{when}/angle" for when in ("before", "now", "target")]
     labels += [f"{when}/levels" for when in ("before", "now", "target")]
     for entity in labels:
-        for packed in {int(one) for row in column(recorded, f"/{entity}", "colors").values() for one in row}:
+        for packed in {int(ink) for row in column(recorded, f"/{entity}", "colors").values() for ink in row}:
             ink = luminance((packed >> 24 & 255, packed >> 16 & 255, packed >> 8 & 255))
             assert (luminance(LABEL_BOX) + 0.05) / (ink + 0.05) >= 4.5, entity
 
