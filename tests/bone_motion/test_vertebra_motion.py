@@ -46,15 +46,6 @@ def test_a_rotation_about_one_axis_is_one_part(about_axis, axis: np.ndarray, deg
     assert split.shift == pytest.approx(5.0, abs=1e-9)
 
 
-def test_all_shares_give_the_whole_rotation_back() -> None:
-    rng = np.random.default_rng(4)
-    for _ in range(20):
-        rotation = Rotation.from_rotvec(rng.normal(scale=0.3, size=3))
-        split = parts(about(rotation), rng.normal(scale=0.3, size=3) + np.array([0.0, 0.0, 1.0]))
-        whole = split.share(axial_rotation=split.axial_rotation, lateral_bending=1.0)
-        np.testing.assert_allclose(whole, rotation.as_matrix(), atol=1e-12)
-
-
 @pytest.mark.parametrize("tilt", [0.0, 0.3])
 def test_what_a_curve_turned_its_correction_turns_back_about_the_same_axis(tilt: float) -> None:
     straight, curved, corrected = (

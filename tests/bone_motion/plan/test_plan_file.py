@@ -94,21 +94,9 @@ def test_bad_bounds(text: str, rule: str) -> None:
         check_bounds(PLAN, bounds_of_text(text))
 
 
-@pytest.mark.parametrize(
-    ("plan", "words"),
-    [
-        (Plan(uiv="T4", liv="T6"), "T4 to T6 joined (3 vertebrae)"),
-        (
-            Plan(uiv="T4", liv="T6", balance="keep"),
-            "T4 to T6 joined (3 vertebrae); T1 as far beside the sacrum as before",
-        ),
-        (
-            FULL,
-            "T4 to L1 joined (10 vertebrae); curve at T8: 65 % of the Cobb angle corrected, 33 % of the rotation "
-            "corrected; curve at L2: Cobb angle -2° after, rotation 7° after; kyphosis 30°; lordosis 42°; top of "
-            "the spine -12 mm in front of the sacrum; T1 over the sacrum",
-        ),
-    ],
-)
-def test_words_of_a_plan(plan: Plan, words: str) -> None:
-    assert plan_words(plan) == words
+def test_words_of_a_plan() -> None:
+    assert plan_words(FULL) == (
+        "T4 to L1 joined (10 vertebrae); curve at T8: 65 % of the Cobb angle corrected, 33 % of the rotation "
+        "corrected; curve at L2: Cobb angle -2° after, rotation 7° after; kyphosis 30°; lordosis 42°; top of "
+        "the spine -12 mm in front of the sacrum; T1 over the sacrum"
+    )
