@@ -44,13 +44,6 @@ def test_every_item_once_by_one_range(threads: int, size: int) -> None:
     assert np.ptp((seen > 0).sum(axis=1)) <= 1
 
 
-def test_given_bounds_are_kept_and_few_items_not_split() -> None:
-    """Below `least_split` the first range does all: waking a thread costs more than it saves."""
-    assert visits(2, 10, least=11).tolist() == [[6] * 10, [0] * 10]
-    seen = visits(3, 10, np.array([0, 7, 7, 10]))
-    assert [list(np.flatnonzero(row)) for row in seen] == [list(range(7)), [], [7, 8, 9]]
-
-
 @wp.kernel(enable_backward=False)
 def pass_on_kernel(items: Items, source: wp.array(dtype=wp.int32), taken: wp.array(dtype=wp.int32)):
     i = items.first + wp.tid()  # pyright: ignore[reportOperatorIssue]

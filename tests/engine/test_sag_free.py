@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from support.continuum import Continuum
-from support.meshes import block_with_bone, grid, rotate, trunk
+from support.meshes import block_with_bone, grid, rotate, trunk, with_skin
 from support.models import evaluated, model_of, relax, settle
 from support.reference import Reference
 from warp_trunk.engine.model import Model
@@ -80,12 +80,14 @@ def test_surgery_is_measured_from_the_scan_whatever_the_increments() -> None:
 
 
 def test_the_model_given_is_left_as_it_is_and_without_gravity_there_is_nothing_to_find() -> None:
-    model = standing()
-    before = {name: getattr(model.elements, name).numpy() for name in ("rest_edge", "rest_length", "rest_volume")}
+    model = model_of(with_skin(BARE), gravity=GRAVITY, skin_rigidity=30.0)
+    assert model.skin is not None
+    measures = {"rest_edge": model.elements, "rest_volume": model.elements, "rest_angle": model.skin}
+    before = {name: getattr(part, name).numpy().copy() for name, part in measures.items()}
     assert sag_free(model).model.scan is not None
     assert model.scan is None
-    for name, values in before.items():
-        np.testing.assert_array_equal(getattr(model.elements, name).numpy(), values)
+    for name, part in measures.items():
+        np.testing.assert_array_equal(getattr(part, name).numpy(), before[name])
     rest_state = sag_free(plain := model_of(BARE))
     assert (rest_state.model, rest_state.rounds) == (plain, 0)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import fields, replace
-from itertools import combinations, combinations_with_replacement, pairwise
+from itertools import combinations, pairwise
 
 import meshio
 import numpy as np
@@ -50,34 +50,6 @@ def test_edges_and_faces_are_counted_and_renumbered(name: str) -> None:
     edges, expected = Edges.among(tets).renumbered(number), Edges.among(number[tets])
     for field in fields(Edges):
         np.testing.assert_array_equal(getattr(edges, field.name), getattr(expected, field.name))
-
-
-@pytest.mark.parametrize("owners", [1, 2, None])
-@pytest.mark.parametrize("name", MESHES)
-@pytest.mark.parametrize("part", [0.0, 0.6])
-def test_rows_list_the_neighbours_and_every_pair_has_its_block(name: str, part: float, owners: int | None) -> None:
-    """Below the diagonal those of another owner; each row has one of its own where there is no number of them."""
-    tets = shuffled(MESHES[name])
-    nodes = int(tets.max()) + 2  # one is in no tetrahedron
-    size = int(part * nodes)
-    owner = np.arange(size) if owners is None else np.arange(size) * owners // max(size, 1)
-    neighbours = [{node} for node in range(size)]
-    for tet in tets.tolist():
-        for node in tet:
-            if node < size:
-                neighbours[node] |= {other for other in tet if other < size}
-    edges = Edges.among(tets)
-    np.testing.assert_array_equal(np.diff(edges.row_start(size)), [len(row) for row in neighbours])
-    pattern = edges.pattern(owner)
-    start, columns = pattern.row_start, pattern.columns
-    expected = [[c for c in sorted(row) if c >= i or owner[c] != owner[i]] for i, row in enumerate(neighbours)]
-    assert [columns[start[i] : start[i + 1]].tolist() for i in range(size)] == expected
-    place = {pair: block for block, pair in enumerate(zip(pattern.rows.tolist(), columns.tolist(), strict=True))}
-    assert pattern.diagonal.tolist() == [place[i, i] for i in range(size)]
-    assert pattern.image.tolist() == [place.get((c, r), -1) if r < c else -1 for r, c in place]
-    for tet, blocks in zip(tets.tolist(), pattern.block_of.tolist(), strict=True):
-        for (a, b), found_at in zip(combinations_with_replacement(tet, 2), blocks, strict=True):
-            assert found_at == place.get((min(a, b), max(a, b)), -1)
 
 
 def test_pieces_have_the_number_of_their_lowest_node() -> None:
@@ -143,24 +115,13 @@ def test_what_does_not_fit_is_named(trunk, tmp_path):
     meshio.write(tmp_path / "foreign.vtu", meshio.Mesh(trunk.nodes, [("tetra", trunk.tets)]))
     with pytest.raises(InputError, match="cannot be read as a trunk mesh"):
         read_trunk(tmp_path / "foreign.vtu")
-
-
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        (lambda t: {"tets": t.tets[:, [1, 0, 2, 3]]}, "positive volume"),
-        (lambda t: {"tets": t.tets + 10000}, "'tets' must lie"),
-        (lambda t: {"tets": np.vstack([t.tets, t.tets[5:6, [1, 2, 0, 3]]])}, "has the corners of an earlier one"),
-        (lambda t: {"tets": t.tets[:0]}, "no tetrahedra"),
-        (lambda t: {"bone": t.bone + 1}, "'bone' must lie"),
-        (lambda t: {"bone": t.bone[1:]}, "'bone' must have shape"),
-        (lambda t: {"nodes": np.full_like(t.nodes, np.nan)}, "finite"),
-        (lambda t: {"skin_nodes": np.zeros_like(t.skin_nodes)}, "node of its own"),
-    ],
-)
-def test_parts_that_do_not_fit_are_named(trunk, change, says):
-    with pytest.raises(InputError, match=says):
-        check_trunk(replace(trunk, **change(trunk)), "trunk")
+    twice = np.vstack([trunk.tets, trunk.tets[5:6, [1, 2, 0, 3]]])
+    for change, says in (
+        ({"tets": twice}, "corners of an earlier one"),
+        ({"skin_nodes": 0 * trunk.skin_nodes}, "node of its own"),
+    ):
+        with pytest.raises(InputError, match=says):
+            check_trunk(replace(trunk, **change), "trunk")
 
 
 def test_volume_of_a_corner_of_a_cube():

@@ -16,7 +16,6 @@ from warp_trunk.engine.relaxation import Energy
 from warp_trunk.engine.state import State
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
-from warp_trunk.errors import InputError
 
 MESHES = {"bone inside": block_with_bone(), "one tetrahedron": single_tet()}
 ALL_TERMS = Tissue(epsilon=0.7, theta=13.0, density=950.0, youngs_modulus=4.0)
@@ -161,22 +160,3 @@ def test_weight_of_tissues_in_newtons() -> None:
     k_d = 5.0 * 5e3 * volume.sum() / len(Reference(mesh).edges)
     newtons = 0.5 * k_d * state.gradient.numpy().sum(axis=0)[2] * 1e3
     assert newtons == pytest.approx(9.81 * (900.0 * volume[::2].sum() + 1300.0 * volume[1::2].sum()), rel=1e-10)
-
-
-@pytest.mark.parametrize(
-    ("label", "tissue", "options", "text"),
-    [
-        (None, (), {}, "there is none"),
-        (None, (SOFT, STIFF), {}, "does not say which"),
-        (2, (SOFT, STIFF), {}, "labels from 0 to 2 but 2 tissues"),
-        (-1, (SOFT, STIFF), {}, "labels from -1"),
-        (None, SOFT, {"weights": "volume", "energy": "neo-hookean"}, "leave it out"),
-    ],
-)
-def test_refuses(label: int | None, tissue: Any, options: Any, text: str) -> None:
-    mesh = block((2, 2, 2))
-    if label is not None:
-        mesh = replace(mesh, tissue=np.where(np.arange(len(mesh.tets)) == 3, label, 0).astype(np.int8))
-    with pytest.raises(InputError, match=text) as caught:
-        model_of(mesh, tissue, **options)
-    assert "\n" not in str(caught.value)

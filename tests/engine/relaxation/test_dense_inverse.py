@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 from warp_trunk.kernels.multigrid import DAMPING, WHOLE
 
-from support.meshes import block
-from support.models import model_of
-from warp_trunk.engine.dense_inverse import IDLE_SHIFT, SHIFT, DenseInverse, DenseProduct, inverse_rows, invert
-from warp_trunk.engine.rest_mesh import PRECISIONS
+from warp_trunk.engine.dense_inverse import IDLE_SHIFT, SHIFT, DenseInverse, invert
 
 
 def definite(size: int) -> np.ndarray:
@@ -22,14 +19,6 @@ def dense(inverse: DenseInverse) -> np.ndarray:
     numbers = inverse.numbers / (DAMPING * WHOLE)
     np.fill_diagonal(numbers, 1.0)
     return inverse.scale[:, None] * numbers * inverse.scale
-
-
-def collected(matrix: np.ndarray, shift: float) -> np.ndarray:
-    """The inverse by `inverse_rows`, without scale."""
-    inverse = np.full(matrix.shape, np.nan)
-    for layer, rows in inverse_rows(matrix, np.ones(len(matrix)), shift):
-        inverse[layer, layer.start :], inverse[layer.start :, layer] = rows, rows.T
-    return inverse
 
 
 def in_16_bits(matrix: np.ndarray) -> DenseInverse:
@@ -64,38 +53,6 @@ def test_a_vertex_that_reaches_no_node_stays() -> None:
     reached = np.ix_(*[np.setdiff1d(np.arange(size), alone)] * 2)
     wanted = dense(invert(matrix[reached]))
     np.testing.assert_allclose(inverse[reached], wanted, rtol=0.0, atol=1e-4 * np.diagonal(wanted).max())
-
-
-@pytest.mark.parametrize("layers", [(40,), (1, 30, 2, 50, 9), (16, 16, 16, 16), (33, 1)])
-def test_layers_that_follow_each_other(layers: tuple[int, ...]) -> None:
-    """Of different size, each coupled with the next one alone."""
-    matrix = definite(sum(layers))
-    layer = np.repeat(np.arange(len(layers)), layers)
-    matrix[np.abs(layer - layer[:, None]) > 1] = 0.0
-    matrix += np.diag(np.abs(matrix).sum(axis=1))
-    inverse, wanted = collected(np.triu(matrix), 0.5), np.linalg.inv(matrix + 0.5 * np.eye(len(matrix)))
-    np.testing.assert_allclose(inverse, wanted, rtol=0.0, atol=1e-12 * np.abs(wanted).max())
-
-
-@pytest.mark.parametrize("precision", PRECISIONS)
-@pytest.mark.parametrize(("nodes", "threads"), [(1, 1), (150, 2)])
-def test_its_product_in_16_bits(nodes: int, threads: int, precision: str) -> None:
-    """Wrong by half of the last bit of each number; rows of different size."""
-    model = model_of(block((2, 2, 2)), threads=threads, precision=precision)
-    size = np.random.default_rng(nodes).permutation(np.geomspace(0.01, 100.0, 3 * nodes))
-    matrix = size[:, None] * definite(3 * nodes) * size
-    x = np.random.default_rng(2).normal(size=(nodes + 16, 3))
-    solution = model.zeros(model.vec3, nodes + 16)
-    product = DenseProduct(model, in_16_bits(matrix))
-    for _ in range(2):  # nothing is left of the product before
-        bounds = model.parallel.split(product.strips)
-        product.record(model.array(x, model.vec3), solution, bounds)()
-    rounded, wanted = solution.numpy().ravel()[: 3 * nodes], matrix @ x[:nodes].ravel()
-    root = np.sqrt(np.diagonal(matrix))
-    most = (0.5 / WHOLE + 1.0 - DAMPING) * root * (root * np.abs(x[:nodes].ravel())).sum()
-    assert (np.abs(rounded - wanted) <= 1.1 * most + 1e-5 * np.abs(wanted)).all()
-    assert np.abs(rounded - wanted).max() > 0.0
-    assert not solution.numpy().ravel()[3 * nodes :].any()
 
 
 def test_it_stays_positive_in_16_bits() -> None:

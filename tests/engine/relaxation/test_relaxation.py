@@ -1,9 +1,7 @@
 """The relaxation as its users see it: where it ends, what it claims there, and along the projected gradient."""
 
-import time
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,9 +11,7 @@ from support.continuum import Continuum
 from support.meshes import block, block_with_bone, column, single_tet
 from support.models import evaluated, held_turned, increments, model_of, relax
 from support.reference import Reference, volumes
-from warp_trunk.engine import newton
 from warp_trunk.engine.descent import ProjectedGradient, spectral_length
-from warp_trunk.engine.line_search import search
 from warp_trunk.engine.newton import Relaxer
 from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus, RelaxStep
 from warp_trunk.engine.sag_free import sag_free
@@ -140,20 +136,6 @@ def test_float32_stalls_where_no_force_is_left_but_rounding_exceeds_the_toleranc
     np.testing.assert_allclose(last.displacement, shift, atol=1e-4)
 
 
-def test_the_time_of_a_step_has_the_solve_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """By a clock that moves while the tissue is evaluated alone."""
-    seconds, evaluate = [0.0], Work.evaluate
-
-    def slowly(work: Work) -> None:
-        seconds[0] += 100.0
-        evaluate(work)
-
-    monkeypatch.setattr(Work, "evaluate", slowly)
-    monkeypatch.setattr(time, "perf_counter", lambda: seconds[0])
-    ended, _ = relax(model_of(SCENES["turned face"][0]), SCENES["turned face"][1])
-    assert [step.seconds for step in ended.history] == [100.0] * ended.steps
-
-
 TRUNK = block_with_bone((5, 3, 3), holes=((1, 1, 1), (3, 1, 1)))
 MOVED = np.where((TRUNK.bone == 1)[:, None], [2.0, -2.0, 1.0], 0.0)
 
@@ -187,14 +169,6 @@ def test_inverts_nothing_and_stops_at_its_bound() -> None:
     after = volumes(TRUNK.nodes + relaxer.state.host_displacement(), TRUNK.tets) <= 0.0
     assert before.any()
     assert not (after & ~before).any()
-
-
-def test_what_is_done_meanwhile_is_done_once_in_a_relaxation() -> None:
-    relaxer, calls = Relaxer(model_of(TRUNK)), list[int]()
-    relaxer.state.set_displacement(held_turned(TRUNK, 20.0))
-    ended = relaxer.relax(0.01, meanwhile=lambda: calls.append(relaxer.work.evaluations if relaxer.work else 0))
-    assert ended.steps > 1
-    assert calls == [1]  # beside the first solve, before any trial
 
 
 def test_a_spectral_length_is_the_newton_step_of_a_constant_curvature() -> None:
@@ -234,22 +208,6 @@ def test_a_direction_of_negative_curvature_is_followed_downwards(side: float) ->
         work.direction.assign(side * work.direction.numpy())
         work.turn_downhill()
         assert work.products().slope < 0.0
-
-
-def test_what_noise_shows_is_searched_downhill(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Just beyond buckling noise shows a soft direction, with whatever sign it has there."""
-    slopes: list[float] = []
-
-    def noted(attempt: Any, length: float, reference: float, slope: float, **options: Any) -> Any:
-        slopes.append(slope)
-        return search(attempt, length, reference, slope, **options)
-
-    monkeypatch.setattr(newton, "search", noted)
-    trunk, path = column(), np.zeros_like(column().nodes)
-    for beyond in (1.5e-8, 2.2e-8, 3.3e-8, 4.9e-8):
-        path[:, 2] = -(0.16225501 + beyond) * trunk.nodes[:, 2]
-        increments(model_of(trunk, energy="neo-hookean"), path, 5, tolerance=0.01)
-    assert max(slopes) < 0.0
 
 
 @pytest.mark.parametrize("theta", [0.0, 1000.0])
@@ -305,7 +263,6 @@ COLUMN = column()
 @pytest.mark.parametrize(
     ("precision", "beyond", "tolerance", "count"),
     [
-        ("float32", 7.94328e-05, 0.1, 5),
         ("float32", 3.98107e-05, 0.01, 10),
         ("float32", 1e-7, 0.01, 10),
         ("float32", 2.3101297e-07, 0.01, 1),

@@ -219,18 +219,14 @@ def test_ball_loses_a_cap_and_is_flat_there(normal):
     assert np.degrees(np.arccos(-np.einsum("fki,fki->fk", side, np.roll(side, 1, axis=1)))).min() > 8.0
 
 
-def test_only_what_is_within_the_radius_goes():
-    """Two humps of one height on a slab; the cut takes one."""
+def test_only_what_is_within_the_radius_goes_and_rings_get_ring_shaped_ends():
+    """Two humps of one height, of which the cut takes one; and a box with a bore, cut across the bore."""
     both = joined(*(sphere(40.0, (x, 0.0, 1300.0), 4) for x in (-60.0, 60.0)))
     cut = cut_flat(both, [CutPlane((60.0, 0.0, 1310.0), (0.0, 0.0, 1.0), 50.0)], 6.0)
     assert components(cut).max() == 1
     left = cut.vertices[:, 0] < 0.0
     assert cut.vertices[left, 2].max() > 1339.0
     assert cut.vertices[~left, 2].max() < 1310.3
-
-
-def test_rings_get_ring_shaped_ends():
-    """A box with a bore, cut across the bore."""
     outer, inner = box((60.0, 60.0, 80.0), splits=4), box((20.0, 20.0, 60.0), splits=4)
     hollow = joined(outer, Surface(inner.vertices, inner.faces[:, ::-1]))
     cut = cut_flat(hollow, [CutPlane((0.0, 0.0, 11.0), (0.0, 0.0, 1.0))], 4.0)
