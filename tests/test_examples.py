@@ -20,12 +20,19 @@ SMALL = wt.RunOptions(mesh=coarse_mesh(), simulation=wt.SimulationOptions(increm
 
 
 @pytest.fixture(scope="module")
-def result() -> wt.Result:
-    """The coarse phantom, simulated once for all examples."""
-    return wt.simulate(coarse_phantom(), None, SMALL, wt.Execution(record=False))
+def shared() -> dict[str, Any]:
+    """The names that examples use; the coarse phantom is simulated once for all of them."""
+    case = coarse_phantom()
+    return {
+        "wt": wt, "np": np, "dataclasses": dataclasses, "case": case, "small": SMALL, "skin": straight_trunk()[0],
+        "result": wt.simulate(case, None, SMALL, wt.Execution(record=False)), "bones": spine_and_hips(),
+    }  # fmt: skip
 
 
-LONG = {"best_plan", "close_skin", "find_landmarks", "fit_back", "make_case", "write_report"}
+LONG = {
+    "StraightBody", "best_plan", "close_skin", "find_landmarks", "fit_back", "make_case", "simulate",
+    "write_report",
+}  # fmt: skip
 """Examples that take long, which run with the slow tests."""
 
 
@@ -33,20 +40,10 @@ LONG = {"best_plan", "close_skin", "find_landmarks", "fit_back", "make_case", "w
     "name", [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in wt.__all__]
 )
 def test_example_of_every_public_name(
-    name: str, result: wt.Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str, shared: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(wp.config, "log_level", wp.LOG_WARNING)  # what loading prints is no output
-    names: dict[str, Any] = {
-        "wt": wt,
-        "np": np,
-        "dataclasses": dataclasses,
-        "case": coarse_phantom(),
-        "result": result,
-        "small": SMALL,
-        "skin": straight_trunk()[0],
-        "bones": spine_and_hips(),
-        "folder": tmp_path,
-    }
+    names = {**shared, "folder": tmp_path}
     (example,) = doctest.DocTestFinder(recurse=False).find(getattr(wt, name), name, globs=names)
     assert example.examples, "has no example"
     runner = doctest.DocTestRunner(optionflags=doctest.IGNORE_EXCEPTION_DETAIL)

@@ -1,82 +1,91 @@
 """Findings of `doctor`, on a machine that lacks something and where a compiled kernel is cut off."""
 
 import os
-import platform
-import re
+import shutil
 import struct
 import subprocess
 import sys
-import webbrowser
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
+from packaging.specifiers import SpecifierSet
 from warp_trunk.kernels.starting import drop_damaged_kernels
 
+from support.shown import check_shown
 from warp_trunk.cli import main
-from warp_trunk.engine.waking import waking_way
 from warp_trunk.run import doctor
-from warp_trunk.run.doctor import Finding, examine
-
-
-def findings(results: Path) -> dict[str, Finding]:
-    return {finding.name: finding for finding in examine(results)}
 
 
 @pytest.fixture
-def no_processes(monkeypatch) -> None:
-    """TetGen and the viewer are there; they are not started again in every test."""
-    for probe in ("_tetgen", "_viewer"):
-        monkeypatch.setattr(doctor, probe, lambda: "works")
+def machine(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Another machine than this one: its parts, a display, an old SciPy, and no NumPy."""
+    disk = shutil.disk_usage(tmp_path)._replace(free=5_400_000_000)
+    site = SimpleNamespace(locate_file=lambda _: tmp_path / "site")
+    parts: dict[str, Any] = {
+        "versions": lambda: {"python": "3.12.1", "numpy": None, "scipy": "1.2", "warp-lang": "1.9"},
+        "required_versions": lambda: {
+            name: SpecifierSet(wanted)
+            for name, wanted in {"numpy": ">=2", "scipy": ">=1.15", "rich": ">=14", "tyro": ">=1"}.items()
+        },
+        "version_of": {"rich": "13.0", "tyro": "1.0"}.get,
+        "choose_threads": lambda _: 6, "waking_way": lambda: "futex", "start_warp": lambda: None,
+        "platform": SimpleNamespace(machine=lambda: "x86_64"),
+        "metadata": SimpleNamespace(distribution=lambda _: site), "mean_ratio": lambda _: [-1.0],
+        "shutil": SimpleNamespace(disk_usage=lambda _: disk, which={"firefox": "/bin/firefox"}.get),
+        "webbrowser": SimpleNamespace(get=lambda name: SimpleNamespace(name=name)),
+        "has_display": lambda: True, "cache_folder": lambda: tmp_path / "meshes",
+        "viewer_command": lambda word: [sys.executable, "-c", f"print('rerun-cli 0.26 {word}')"],
+    }  # fmt: skip
+    for name, part in parts.items():
+        monkeypatch.setattr(doctor, name, part)
+    gpu = SimpleNamespace(alias="cuda:0", name="A100", total_memory=80e9)
+    monkeypatch.setattr(doctor.wp, "get_cuda_devices", lambda: [gpu])
+    monkeypatch.setattr(doctor.wp, "get_cuda_driver_version", lambda: (12, 4))
+    monkeypatch.setattr(doctor.wp.config, "kernel_cache_dir", str(tmp_path / "kernels"))
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path / "site"))
+    for name in ("meshes/a", "kernels/b"):
+        (tmp_path / name).parent.mkdir()
+        (tmp_path / name).write_bytes(b"0" * 3_000_000)
 
 
-@pytest.mark.usefixtures("no_processes")
-def test_folders_that_cannot_be_written_are_cured_and_results_are_needed(monkeypatch, tmp_path) -> None:
-    (tmp_path / "file").write_text("no folder", encoding="utf-8")
-    monkeypatch.setenv("WARP_TRUNK_CACHE", str(tmp_path / "file" / "cache"))
-    by_name = findings(tmp_path / "file" / "results")
-    assert "WARP_TRUNK_CACHE" in by_name["meshes kept"].cure
-    assert not by_name["meshes kept"].needed
-    assert "--out" in by_name["results"].cure
-    assert by_name["results"].needed
-    findings(tmp_path / "a" / "b")
-    assert [path.name for path in tmp_path.iterdir()] == ["file"]  # probes leave nothing behind
+def lines(results: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
+    """How the command ends, and what it prints."""
+    status = main(["doctor", "--results", str(results)])
+    return status, capsys.readouterr().out.replace(str(results.parents[1]), "FOLDER")
 
 
-@pytest.mark.usefixtures("no_processes")
-def test_a_machine_without_display_and_browser_is_told_what_to_do(monkeypatch, tmp_path) -> None:
-    def nothing(*_):
-        raise webbrowser.Error("could not locate runnable browser")
+@pytest.mark.usefixtures("machine")
+def test_findings_on_a_machine_that_has_all_and_on_one_that_lacks_all_are_as_accepted(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, has_all = lines(tmp_path / "a" / "results", capsys)
+    assert status == 3  # packages that are needed
+    assert not (tmp_path / "a").exists()  # probes leave nothing behind
 
-    monkeypatch.setattr(webbrowser, "get", nothing)
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
-    by_name = findings(tmp_path)
-    assert "view --web" in by_name["display"].cure
-    assert "report.html" in by_name["browser"].cure
-    assert not by_name["display"].needed
-    assert not by_name["browser"].needed
+    def fails(*_: Any, **__: Any) -> Any:
+        raise OSError
 
-
-def test_command_ends_with_status_3_only_where_something_needed_is_missing(tmp_path, capsys, request) -> None:
-    assert main(["doctor", "--results", str(tmp_path)]) == 0
-    said = capsys.readouterr().out
-    assert said.rstrip().endswith("Ready.")
-    assert "MISSING" not in said
-    assert re.search(rf"^ok +processor +{platform.machine()}, \d+ cores", said, re.MULTILINE)
-    assert re.search(rf"^ok +threads +woken by {waking_way()}$", said, re.MULTILINE)
-    (tmp_path / "file").write_text("no folder", encoding="utf-8")
-    request.getfixturevalue("no_processes")
-    assert main(["doctor", "--results", str(tmp_path / "file" / "results")]) == 3
-    lines = capsys.readouterr().out.splitlines()
-    wrong = next(i for i, line in enumerate(lines) if line.startswith("MISSING"))
-    assert lines[wrong + 1].strip().startswith("-> ")
-
-
-def test_a_kernel_that_gives_a_wrong_number_is_an_error(monkeypatch) -> None:
-    assert "its result is right" in doctor._kernel()
+    monkeypatch.setattr(doctor, "versions", dict)
+    monkeypatch.setattr(doctor, "required_versions", dict)
+    monkeypatch.setattr(doctor, "viewer_command", lambda _: [sys.executable, "-c", "print('no GPU'); exit(1)"])
+    monkeypatch.setattr(doctor, "has_display", lambda: False)
+    monkeypatch.setattr(doctor.wp, "get_cuda_devices", list)
+    monkeypatch.setattr(doctor.shutil, "disk_usage", lambda _: SimpleNamespace(free=1e6))
+    monkeypatch.setattr(doctor, "cache_folder", lambda: tmp_path / "warp_trunk_meshes_x")
+    (tmp_path / "a").write_text("no folder", encoding="utf-8")
+    for name in ("_tetgen", "_browser"):
+        monkeypatch.setattr(doctor, name, fails)
     monkeypatch.setattr(doctor, "mean_ratio", lambda _: [0.5])
-    with pytest.raises(RuntimeError, match=r"tetrahedron is 0\.5, not 1"):
-        doctor._kernel()
+    status, lacks_all = lines(tmp_path / "a" / "results", capsys)
+    assert status == 3
+    check_shown("doctor", [has_all, "== without", lacks_all])
+
+
+def test_this_machine_is_ready(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    status, said = lines(tmp_path / "results" / "new", capsys)
+    assert (status, said.rstrip().endswith("Ready.")) == (0, True)
 
 
 @pytest.mark.parametrize("keep", [0, 10, 64, 500, 1000])

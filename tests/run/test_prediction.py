@@ -30,7 +30,6 @@ from warp_trunk.results.summary_text import plain
 from warp_trunk.run.options import Execution, RunOptions
 from warp_trunk.run.patient import PreparedPatient, patient_of
 from warp_trunk.run.prediction import Prediction, prepare, prepare_plan
-from warp_trunk.run.progress import Clock
 from warp_trunk.run.simulate import simulate
 
 ON_CPU = Execution(device="cpu")
@@ -79,16 +78,6 @@ def test_tissue_comes_off_bones_where_its_tetrahedra_would_end_inside_out() -> N
     assert len(said) == 1
     assert len(prediction.increments) == 2
     assert patient.trunk is trunk  # another plan for her is as before
-
-
-def test_a_clock_adds_stages_of_one_name() -> None:
-    clock = Clock()
-    clock.add("relax", 1.5)
-    clock.add("relax", 0.5)
-    with clock.stage("mesh"):
-        pass
-    assert clock.seconds["relax"] == 2.0
-    assert clock.seconds.keys() == {"relax", "mesh"}
 
 
 CASE, TRUNK = small_case()

@@ -15,7 +15,6 @@ from warp_trunk.measures.quantities import Measured, MeasureTable
 from warp_trunk.run import warnings
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import patient_of
-from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
 from warp_trunk.run.warnings import (
     alignment_warnings,
@@ -151,19 +150,6 @@ def test_the_usual_number_says_nothing(monkeypatch):
 
 def test_memory_is_known_here():
     assert 1e8 < warnings.usable_memory() < 1e14
-
-
-@pytest.mark.parametrize(("error", "words"), [(0.0042, "0.0042 mm from equilibrium, "), (np.inf, "")])
-def test_each_increment_is_a_line_where_there_is_no_terminal(
-    error: float, words: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    increment = made_up_increments(small_case()[1])[1]
-    ended = replace(increment, relaxation=replace(increment.relaxation, estimated_error=error))
-    with Progress() as progress:
-        progress.increment(ended, 3)
-    said = capsys.readouterr()
-    line = next(row for row in (said.err + said.out).splitlines() if "increment" in row)
-    assert line.endswith(f"increment 2 of 3: CONVERGED, {words}4 steps, 100 linear iterations, 0.2 s")
 
 
 def test_a_patient_is_refused_with_a_constant_that_her_model_does_not_read() -> None:
