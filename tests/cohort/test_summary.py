@@ -1,6 +1,5 @@
 """A cohort by hand: the papers' numbers of two patients, means, limits of agreement, shares and trends."""
 
-import csv
 import json
 import re
 from dataclasses import replace
@@ -13,17 +12,16 @@ import pytest
 
 from support.asserting import not_none
 from support.drawn import Page
-from support.shown import check_shown, report_lines
+from support.shown import check_shown, record_lines, report_lines
 from warp_trunk.cohort.cohort_page import (
     agreement_picture,
     cohort_text,
     levels_picture,
-    worse_parts,
     write_cohort,
 )
 from warp_trunk.cohort.one_case import CaseRow
 from warp_trunk.cohort.statistics import limits_of_agreement, over_patients, trend
-from warp_trunk.cohort.summary import case_errors, errors, summarize_cohort
+from warp_trunk.cohort.summary import summarize_cohort
 from warp_trunk.measures.quantities import Measured
 
 
@@ -69,95 +67,57 @@ ROWS = [
 ]  # fmt: skip
 
 
-def test_who_counts():
-    summary = summarize_cohort(ROWS)
-    assert (summary.cases, summary.counted, summary.patients, summary.synthetic) == (6, 2, 2, 1)
-    left_out = summary.failed, summary.unfinished, summary.without_actual, summary.bending
-    assert left_out == (("e",), ("d",), ("c",), ("f",))
-    assert not summary.complete
-    assert summarize_cohort(ROWS[:3]).complete
-    assert not summarize_cohort([*ROWS[:3], ROWS[3]]).complete  # not converged
-    assert not summarize_cohort([*ROWS[:3], ROWS[4]]).complete  # failed
-
-
-def test_the_papers_table_of_a_case():
-    """T5 1, T6 3: mean 2, SD sqrt(2)."""
-    (errors_of_case,) = case_errors(errors(ROWS[:1])).filter(range="T3-T12", guess="predicted").to_dicts()
-    assert (errors_of_case["mean"], errors_of_case["sd"]) == (2.0, pytest.approx(2.0**0.5))
-
-
-def test_ranges():
-    """T3-L5: a has 1, 3, 1 and b 1, 3: means 5/3 and 2. Nothing changes: 5, 3, 1 and 8, 1; spline: 4, 0, 3 and
-    4, 2."""
-    rotations = summarize_cohort(ROWS).ranges["T3-L5"]
-    means = {
-        "error": (5.0 / 3.0 + 2.0) / 2.0,
-        "nothing_changes": (3.0 + 4.5) / 2.0,
-        "spline": (7.0 / 3.0 + 3.0) / 2.0,
-        "better_than_nothing": (4.0 / 3.0 + 2.5) / 2.0,
-        "better_than_spline": (2.0 / 3.0 + 1.0) / 2.0,
-        "within": (2.0 / 3.0 + 0.5) / 2.0,
-        "cases_within": 1.0,
-        "in_band": (0.5 + 1.0) / 2.0,
-    }
-    assert {name: estimate and estimate.mean for name, estimate in vars(rotations).items()} == pytest.approx(means)
-    error = not_none(rotations.error)
-    assert error.sd == pytest.approx((1.0 / 3.0) / 2.0**0.5)
-
-
-def test_levels_hump_and_trends():
-    summary = summarize_cohort(ROWS)
-    assert list(summary.levels) == ["T5", "T6", "L2"]
-    t5 = summary.levels["T5"]
-    assert (t5.error.mean, t5.error.sd, t5.bias, t5.nothing_changes, t5.spline) == (1.0, 0.0, 1.0, 6.5, 4.0)
-    assert summary.levels["L2"].bias == -2.0  # -1 and -3
-    hump, agreement = not_none(summary.hump), not_none(summary.agreement)
-    assert (hump.error.mean, hump.agreement.bias) == (3.0, -2.0)  # +1 and -5
-    assert (agreement.pairs, agreement.bias) == (5, pytest.approx((1 - 3 - 1 + 1 - 3) / 5))
-    assert summary.trends["cobb_deg"] is None  # two cases have no trend
-    assert summary.trends["months_after"] is None
-
-
-@pytest.mark.parametrize("cases", [3, 9, 10])
-def test_few_cases_have_no_trend_and_no_p(cases: int, tmp_path: Path) -> None:
-    rows = [
-        case(f"P{n}", level("L2", -4.0 - n % 3, -3.0, -9.0, -2.0), patient=f"P{n}", cobb_deg=40.0 + n)
-        for n in range(cases)
-    ]
-    write_cohort(tmp_path, rows)
-    page = (tmp_path / "cohort.html").read_text(encoding="utf-8")
-    assert ("Regression of the error" in page, ">p</th>" in page) == (cases == 10, cases == 10)
-
-
-def test_a_method_that_is_worse_than_doing_nothing_says_so_first(tmp_path: Path):
-    """Lumbar errors of three patients are 3, 4 and 5, and 1 if nothing changed."""
-    rows = [case(f"P{n}", level("L2", -4.0 - n, -3.0, -9.0, -2.0), patient=f"P{n}") for n in (1, 2, 3)]
-    text = worse_parts(summarize_cohort(rows))[-1]
-    assert "is 4.00 degrees, not 1.00; the difference is 3.00 (95 % interval 2.00 to 4.00)" in text
-    write_cohort(tmp_path, rows)
-    page = (tmp_path / "cohort.html").read_text(encoding="utf-8")
-    assert page.index("predicted worse than by saying that nothing changes") < page.index("<table")
-
-
-def test_cases_without_a_spine_are_judged_by_their_skins(tmp_path: Path):
-    """Distances of 1 and 3 mm of two patients, where nothing changed 5 and 9."""
-
-    def moved(name: str, error: float, unmoved: float) -> CaseRow:
-        states = {"error": error, "before": unmoved}
-        return case(
-            name, [Measured(state, "", "distance_mean_mm", mm) for state, mm in states.items()], patient=name
-        )
-
-    rows = [moved("P1", 1.0, 5.0), moved("P2", 3.0, 9.0), *ROWS]
-    summary = write_cohort(tmp_path, rows)
-    assert summary.counted == 4
-    assert {name: estimate and estimate.mean for name, estimate in summary.distance.items()} == {
-        "error": 2.0,
-        "nothing_changes": 7.0,
-    }
-    assert "actual skin 2.00 ± 1.41 mm over 2 patients; 7.00 mm if" in (tmp_path / "cohort.html").read_text(
-        encoding="utf-8"
+MANY = [
+    case(
+        f"{n:02}",
+        level("T5", 5.0 + n % 4, 9.0, 8.0 - n % 2, 5.0, band=n % 3 > 0),
+        level("L2", -4.0 - n % 3, -3.0, -3.5, -2.0),
+        hump=(20.0, 9.0 + n, 10.0 + 2.0 * (n % 3)),
+        patient=f"P{n}", cobb_deg=40.0 + n, lenke=("1A", "1B", "5C")[n % 3], months_after=6.0 * n,
     )
+    for n in range(10)
+] + [
+    case(name, [Measured(state, "", "distance_mean_mm", mm) for state, mm in mms.items()], patient=name)
+    for name, mms in {"Q1": {"error": 1.0, "before": 5.0}, "Q2": {"error": 3.0, "before": 7.0}}.items()
+] + [CaseRow(folder=f"z{n:02}", status="FAILED", reason="no skin") for n in range(14)]  # fmt: skip
+"""Ten patients, of whom a trend is asked for; two parts of the body; more failures than the console lists."""
+
+
+@pytest.mark.parametrize(("name", "rows"), [("cohort", ROWS), ("cohort_of_many", MANY)])
+def test_the_page_the_files_and_the_console_of_a_cohort_are_as_accepted(
+    name: str, rows: list[CaseRow], tmp_path: Path
+) -> None:
+    """By hand: errors of "a" are 1, 3, 1 and those of "b" 1, 3 from T3 to L5, so 5/3 and 2 and in the mean 1.83.
+
+    Nothing changes: 5, 3, 1 and 8, 1; the spline: 4, 0, 3 and 4, 2. Of "many" the lumbar errors are 2, 3 and 4, and
+    1 if nothing changed; of the two parts the distances are 1 and 3 mm, and 5 and 7 before.
+    """
+    summary = write_cohort(tmp_path, rows)
+    page = Page((tmp_path / "cohort.html").read_text(encoding="utf-8"))
+    pictures = {"levels": levels_picture(summary), "agreement": agreement_picture(rows, summary)}
+    record = json.loads((tmp_path / "cohort.json").read_text(encoding="utf-8"))
+    files = [(tmp_path / file).read_text(encoding="utf-8") for file in ("cases.csv", "cohort.csv")]
+    lines = [
+        *report_lines(page, pictures),
+        cohort_text(summary),
+        *files,
+        *record_lines(record["summary"], "summary"),
+    ]
+    check_shown(name, lines)
+    assert [row["folder"] for row in record["cases"]] == [row.folder for row in rows]
+
+
+@pytest.mark.parametrize(
+    ("rows", "complete"), [(ROWS[:3], True), ([*ROWS[:3], ROWS[3]], False), ([*ROWS[:3], ROWS[4]], False)]
+)
+def test_a_cohort_is_complete_where_every_case_converged(rows: list[CaseRow], complete: bool) -> None:
+    assert summarize_cohort(rows).complete == complete
+
+
+def test_fewer_than_ten_cases_have_no_trend() -> None:
+    few, enough = (summarize_cohort(MANY[:count]).trends["cobb_deg"] for count in (9, 10))
+    assert few is None
+    assert enough is not None
 
 
 def test_each_patient_counts_once():
@@ -224,64 +184,6 @@ def test_a_line_by_hand():
     assert line.points == 3
 
 
-def table(path: Path) -> list[dict[str, str]]:
-    with path.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
-
-
-def test_every_file_of_a_cohort_has_its_numbers(tmp_path: Path) -> None:
-    summary = write_cohort(tmp_path, ROWS)
-    assert {path.name for path in tmp_path.iterdir()} == {"cases.csv", "cohort.csv", "cohort.json", "cohort.html"}
-    cases = {row["folder"]: row for row in table(tmp_path / "cases.csv")}
-    assert [(name, row["patient"], row["status"]) for name, row in cases.items()] == [
-        (row.folder, row.patient, row.status) for row in ROWS
-    ]
-    assert (cases["a"]["cobb_deg"], cases["a"]["case"]) == ("50.0", "first")
-    numbers = {
-        (row["folder"], row["patient"], row["state"], row["level"]): float(row["value"])
-        for row in table(tmp_path / "cohort.csv")
-        if row["quantity"] == "bsr_deg" and row["value"]
-    }
-    assert numbers["a", "P1", "predicted", "T6"] == 6.0
-    assert numbers["b", "P2", "actual", "L2"] == -5.0
-    assert ("a", "P1", "actual", "L3") not in numbers
-    record = json.loads((tmp_path / "cohort.json").read_text(encoding="utf-8"))
-    assert [row["folder"] for row in record["cases"]] == [row.folder for row in ROWS]
-    assert record["summary"]["counted"] == summary.counted == 2
-    assert record["summary"]["agreement"]["bias"] == pytest.approx(-1.0)
-
-
-def test_the_console_names_every_case_that_does_not_count_and_every_range() -> None:
-    text = cohort_text(summarize_cohort(ROWS))
-    assert "6 cases: 2 of 2 patients count; 1 are synthetic" in text
-    for line in ("failed: e", "did not converge: d", "without an actual skin: c", "bending, not surgery: f"):
-        assert line in text.splitlines()
-    (whole,) = [line for line in text.splitlines() if line.startswith("T3-L5")]
-    assert whole.endswith(
-        "mean absolute error 1.83 ± 0.24° over patients; 3.75° if nothing changed, 2.67° by the spline; "
-        "58 % of levels within 2.5°"
-    )
-    many = [CaseRow(folder=f"n{i:02}", status="FAILED", reason="") for i in range(14)]
-    for count, words in ((12, "n10, n11"), (13, "n11 and 1 more"), (14, "n11 and 2 more")):
-        (line,) = [row for row in cohort_text(summarize_cohort(many[:count])).splitlines() if "failed" in row]
-        assert line.endswith(words)
-
-
-def test_the_page_of_a_cohort_has_its_numbers_and_what_does_not_count_as_accepted(tmp_path: Path) -> None:
-    (tmp_path / "study").mkdir()
-    summary = write_cohort(tmp_path / "study", ROWS)
-    page = Page((tmp_path / "study" / "cohort.html").read_text(encoding="utf-8"))
-    pictures = {"levels": levels_picture(summary), "agreement": agreement_picture(ROWS, summary)}
-    check_shown("cohort", [*report_lines(page, pictures), cohort_text(summary)])
-    for text in (
-        "e has no result: skin.ply: is <open>, 3 edges",
-        "d did not converge and does not count.",
-        "c has no actual skin to be judged by.",
-    ):
-        assert text in page.words
-    assert any("1.83 ± 0.24" in cell for cells in page.rows.values() for cell in cells)
-
-
 def test_every_sheet_of_a_cohort_names_it_its_day_and_its_numbers(tmp_path: Path) -> None:
     """The fingerprint changes with any number, and stays without a change."""
     (tmp_path / "study").mkdir()
@@ -295,26 +197,3 @@ def test_every_sheet_of_a_cohort_names_it_its_day_and_its_numbers(tmp_path: Path
         assert date.fromisoformat(day) <= date.today()
         sheets.append(fingerprint)
     assert sheets[0] == sheets[1] != sheets[2]
-
-
-def test_pictures_of_a_cohort_have_every_point_at_its_place_and_the_limits_of_agreement() -> None:
-    summary = summarize_cohort(ROWS)
-    axes: Any = agreement_picture(ROWS, summary).axes[0]
-    lines = {str(line.get_label()): line for line in axes.lines}
-    # T5 5 and 4, T6 6 and 9 of a; T5 7 and 6 of b
-    assert sorted(zip(*lines["thoracic"].get_data(), strict=True)) == [(4.5, 1.0), (6.5, 1.0), (7.5, -3.0)]
-    assert sorted(zip(*lines["lumbar"].get_data(), strict=True)) == [(-6.5, -3.0), (-1.5, -1.0)]
-    agreement = not_none(summary.agreement)
-    limits = {text.get_text(): text.xy[1] for text in axes.texts}
-    assert limits.pop("mean −1.0" if "mean −1.0" in limits else "mean -1.0") == agreement.bias
-    at = sorted(float(line.get_ydata()[0]) for line in axes.lines if str(line.get_label()).startswith("_"))
-    limits_shown = [row for row in (agreement.low, agreement.bias, agreement.high) if row is not None]
-    assert at == pytest.approx(sorted(limits_shown))
-    axes = levels_picture(summary).axes[0]
-    assert [label.get_text() for label in axes.get_yticklabels()] == ["T5", "T6", "L2"]
-    lines = {str(line.get_label()): line for line in axes.lines}
-    np.testing.assert_allclose(lines["nothing changes"].get_xdata(), [6.5, 3.0, 1.0])
-    np.testing.assert_allclose(lines["the spline carries the skin"].get_xdata(), [4.0, 0.0, 2.5])
-    np.testing.assert_array_equal(lines["nothing changes"].get_ydata(), [0, 1, 2])
-    low, high = axes.get_ylim()
-    assert low > 2.0 > 0.0 > high  # T5 on top

@@ -13,7 +13,7 @@ import pytest
 
 from support.asserting import not_none
 from support.meshes import turned_about_z
-from support.shown import check_shown, described
+from support.shown import check_shown, described, record_lines
 from support.small_patient import SLOPES, small_patient
 from warp_trunk.case.case import Study
 from warp_trunk.case.landmarks import Landmarks
@@ -92,31 +92,14 @@ def bent(tmp_path_factory: pytest.TempPathFactory) -> Run:
     return run_of(out, fields={"actual_skin": actual}, bones="spline", alpha=0.3, layers="none")
 
 
-def record_lines(value: Any, name: str) -> Iterator[str]:
-    """The entries of a record of JSON, a table as a line for each row."""
-    if isinstance(value, dict) and not all(isinstance(part, (int, float)) for part in value.values()):
-        for key, part in value.items():
-            if key not in CHANGING:
-                yield from record_lines(part, f"{name}.{key}")
-    elif isinstance(value, list) and any(isinstance(part, dict) for part in value):
-        for number, part in enumerate(value):
-            flat = all(not isinstance(each, (dict, list)) for each in part.values())
-            yield from (
-                [f"{name} {' '.join(map(described, part.values()))}"]
-                if flat
-                else record_lines(part, f"{name} {number}")
-            )
-    else:
-        yield f"{name}: {described(value)}"
-
-
 def run_lines(run: Run) -> Iterator[str]:
     folder = run.result.folder
     yield re.sub(r"[\d.e-]+ mm from .*| [\d.]+ s$", "", run.progress, flags=re.MULTILINE)
     yield re.sub(r"in [\d.]+ s$", "", plain(read_result(folder)), flags=re.MULTILINE).replace(
         str(folder), "FOLDER"
     )
-    yield from record_lines(json.loads((folder / "summary.json").read_text(encoding="utf-8")), "summary")
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    yield from record_lines(summary, "summary", CHANGING)
     for file in ("effects.npz", "sections.npz"):
         with np.load(folder / file) as arrays:
             numbers = (name for name in arrays.files if arrays[name].dtype.kind == "f")

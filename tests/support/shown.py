@@ -11,7 +11,7 @@ import json
 import os
 import re
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -235,3 +235,18 @@ def _properties(record: Any) -> str:
     """The properties of a record that say something of it."""
     parts = vars(record).items()
     return "; ".join(f"{name} {described(value)}" for name, value in parts if name[0] != "_" and name not in VISER)
+
+
+def record_lines(value: Any, name: str, without: Collection[str] = ()) -> Iterator[str]:
+    """The entries of a record of JSON but for some by their names, a row of a table in a line."""
+    if isinstance(value, dict) and not all(isinstance(part, (int, float)) for part in value.values()):
+        for key in (key for key in value if key not in without):
+            yield from record_lines(value[key], f"{name}.{key}", without)
+    elif isinstance(value, list) and any(isinstance(part, dict) for part in value):
+        for number, part in enumerate(value):
+            if any(isinstance(each, (dict, list)) for each in part.values()):
+                yield from record_lines(part, f"{name} {number}", without)
+            else:
+                yield f"{name} {' '.join(map(described, part.values()))}"
+    else:
+        yield f"{name}: {described(value)}"

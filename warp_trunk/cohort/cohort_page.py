@@ -201,7 +201,8 @@ def write_cohort(out: Path, rows: Sequence[CaseRow]) -> CohortSummary:
 def cohort_text(summary: CohortSummary) -> str:
     """The text of a cohort for the terminal."""
     synthetic = f"; {summary.synthetic} are synthetic" if summary.synthetic else ""
-    lines = [f"{summary.cases} cases: {summary.counted} of {summary.patients} patients count{synthetic}"]
+    count = f"of which {summary.counted} count, from {summary.patients} patients"
+    lines = [f"{summary.cases} cases, {count}{synthetic}"]
     for what, names in (
         ("failed", summary.failed),
         ("did not converge", summary.unfinished),
