@@ -89,8 +89,8 @@ def test_the_page_the_files_and_the_console_of_a_cohort_are_as_accepted(
 ) -> None:
     """By hand: errors of "a" are 1, 3, 1 and those of "b" 1, 3 from T3 to L5, so 5/3 and 2 and in the mean 1.83.
 
-    Nothing changes: 5, 3, 1 and 8, 1; the spline: 4, 0, 3 and 4, 2. Of "many" the lumbar errors are 2, 3 and 4, and
-    1 if nothing changed; of the two parts the distances are 1 and 3 mm, and 5 and 7 before.
+    Nothing changes: 5, 3, 1 and 8, 1; the spline: 4, 0, 3 and 4, 2. Of "many" the lumbar errors are 2, 3 and 4,
+    and 1 if nothing changed; of the two parts the distances are 1 and 3 mm, and 5 and 7 before.
     """
     summary = write_cohort(tmp_path, rows)
     page = Page((tmp_path / "cohort.html").read_text(encoding="utf-8"))

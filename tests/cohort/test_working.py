@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import os
+import shutil
 import sys
 import threading
 import time
@@ -19,6 +20,7 @@ from distributed import Client, KilledWorker, LocalCluster
 from support.cohort_cases import cohort_options, contents, turned_case, write_cohort_cases
 from warp_trunk.case import write_case
 from warp_trunk.cli import main
+from warp_trunk.cohort import working
 from warp_trunk.cohort.one_case import JUDGED, LOG, do_case
 from warp_trunk.cohort.working import _lost, dask_client, work
 from warp_trunk.errors import InputError
@@ -114,13 +116,13 @@ def test_a_killed_worker_costs_a_retry_and_changes_no_bit(
 
 
 def test_what_is_done_is_kept_and_what_changed_is_done_again(cases: Path, alone: Path, tmp_path: Path) -> None:
-    out = tmp_path / "a"
-    for file in (alone / "a").iterdir():
-        out.mkdir(exist_ok=True)
-        (out / file.name).write_bytes(file.read_bytes())
-    earlier = do_case(cases / "a", out, cohort_options())
-    assert earlier.reused
-    assert earlier.row.measures
+    """A case that is copied under another name is the same case, and its row has the other name."""
+    shutil.copytree(alone / "a", out := tmp_path / "a")
+    earlier = do_case(shutil.copytree(cases / "a", tmp_path / "copy"), out, cohort_options())
+    assert (earlier.reused, earlier.row.folder) == (True, "copy")
+    judged = json.loads((out / "predicted_skin_measures.json").read_text(encoding="utf-8"))["measures"]
+    assert {row["state"] for row in judged} == {"predicted", "actual", "error"}
+    assert [row.quantity for row in earlier.row.measures if row.state == "error"]
     options = cohort_options()
     stiffer = dataclasses.replace(options.run, constants={"youngs_modulus": 5.0})
     changed = dataclasses.replace(options, run=stiffer)
@@ -146,9 +148,7 @@ def test_only_this_machine_is_listened_to(client: Client) -> None:
 
 def test_a_scheduler_that_is_lost_loses_no_result(cases: Path, alone: Path, tmp_path: Path) -> None:
     """The case that is done when the scheduler goes is there, and kept by the next run."""
-    for file in (alone / "a").iterdir():
-        (tmp_path / "a").mkdir(exist_ok=True)
-        (tmp_path / "a" / file.name).write_bytes(file.read_bytes())
+    shutil.copytree(alone / "a", tmp_path / "a")
     options: Any = {"processes": False, "threads_per_worker": 1, "dashboard_address": None, "silence_logs": 50}
     cluster: Any = LocalCluster(1, **options)
 
@@ -187,3 +187,13 @@ def test_a_case_whose_worker_was_lost_has_a_row_with_the_reason() -> None:
     assert (row.folder, row.status, row.reason) == ("a", "FAILED", "MemoryError: none left")
     last: Any = SimpleNamespace(address="b")
     assert "use fewer workers or tetrahedra" in (_lost(Path("a"), KilledWorker("a", last, 3)).row.reason or "")
+
+
+def test_kernels_are_compiled_once_on_each_host() -> None:
+    asked: list[dict[str, Any]] = []
+    workers = {"tcp://a:1": {"host": "a"}, "tcp://a:2": {"host": "a"}, "tcp://b:1": {"host": "b"}}
+    client: Any = SimpleNamespace(
+        scheduler_info=lambda n_workers: {"workers": workers}, run=lambda *_, **named: asked.append(named)
+    )
+    working._warm_each_host(client, cohort_options())
+    assert [named["workers"] for named in asked] == [["tcp://a:1", "tcp://b:1"]]

@@ -19,8 +19,6 @@ from warp_trunk.run.options import RunOptions
 
 _DENSITY = 50.0
 """Prior standard deviation of a density [kg/m^3]; soft tissues have 900 to 1100."""
-_SHARE = 0.25
-"""Prior standard deviation of a share of the ribs without a known range."""
 _FACTOR = 1000.0
 """A stiffness is looked for between its start over this and its start times this."""
 
@@ -56,7 +54,7 @@ class FreeConstant:
         As `--bands` has it: half the range of a share, the deviation or the logarithm of the factor of a constant.
         """
         if self.of == RIBS:
-            low, high = RANGES.get(self.constant, (0.0, 2.0 * _SHARE))
+            low, high = RANGES[self.constant]
             return 0.5 * (high - low)
         if self.constant == "density":
             return _DENSITY
