@@ -118,7 +118,7 @@ OPTIONS = {
         "low.ply --case case", "case/skin.ply",
         "open.ply --case case", "inside_out.ply --case case", "tall.ply --case case",
         "case/skin.ply --spine metres.csv --when after", "none.ply --case case",
-        "case/skin.ply --case case --out case/measures",
+        "case/skin.ply --case case --out case/measures", "result --case case",
     ],
     "make-case": [
         "--skin case/skin.ply --cobb 1000", "--skin case/skin.ply --correction 70",
@@ -179,6 +179,7 @@ def test_lines_of_what_commands_cannot_take_are_as_accepted(case, refused_row, t
     Path("secret.inp").write_text("*NODE\n1, 0, 0, 0\n", encoding="utf-8")
     other = '<Xdmf><DataItem Format="HDF">secret.h5:/a</DataItem></Xdmf>'
     Path("a.xdmf").write_text(other, encoding="utf-8")
+    write_small_result(tmp_path / "result")
     before, lines = sorted(tmp_path.rglob("*")), []
     for command, rows in OPTIONS.items():
         for row in rows:

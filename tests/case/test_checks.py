@@ -15,11 +15,14 @@ from support.refusals import plain_line, refusal, row
 from support.shown import check_shown
 from support.small_case import mapped, palpated, part_case, small_case
 from support.synthetic import box, sphere
+from warp_trunk.bone_motion.articulation import given_motions
+from warp_trunk.bone_motion.skeleton import Skeleton
 from warp_trunk.case import Case, read_case, write_case
 from warp_trunk.case.checks import CaseSource, check_case
 from warp_trunk.case.landmark_checks import align_pelvis, check_frame, check_motion, check_order, check_shapes
 from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks
-from warp_trunk.case.motions import Motion
+from warp_trunk.case.motion_checks import check_passing
+from warp_trunk.case.motions import Motion, Turn
 from warp_trunk.case.points import Points
 from warp_trunk.case.skin_checks import arm_warnings, check_second_skin
 from warp_trunk.errors import InputError
@@ -109,6 +112,17 @@ def sternum_after(bend: float = 0.0, name: str = "sternum", keep: int | None = N
 def followed(*places: object, pairs: dict[str, str] | None = None) -> Check:
     names = ("soft", "hard", "other")[: len(places)]
     return of_case(replace(SMALL, points=Points(Landmarks(names, np.array(places)), pairs or {})))
+
+
+def turned(degrees: float, point: tuple[float, float, float]) -> Motion:
+    return Motion(rotation=Turn(degrees=degrees, axis=(0.0, 0.0, 1.0), point=point))
+
+
+def passing(by: float) -> Check:
+    """The front goes backwards, to the core 22 mm behind it."""
+    case = part_case(front=Motion(translation=(0.0, by, 0.0)))
+    motions = given_motions(Skeleton(case.bones), case.given_motions)
+    return lambda: check_passing(case, motions, "motions") or ()
 
 
 def hips_exchanged() -> Case:
@@ -283,6 +297,14 @@ LIMITS: dict[str, tuple[Callable[[float], Check], tuple[float, ...]]] = {
     "a second skin narrower by": (lambda by: second_skin(lambda v: v * [by, by, 1]), (0.75, 0.8)),
     "a second skin wider by": (lambda by: second_skin(lambda v: v * [by, by, 1]), (1.3, 1.4, 1.5)),
     "an arm of side": (with_arm, (22.2, 22.5)),
+    "a bone moves by": (lambda by: of_case(part_case(front=Motion(translation=(0, 0, by)))), (59.9, 60.1)),
+    "a bone turns by": (lambda by: of_case(part_case(front=turned(by, (0, -45, 100)))), (59.9, 60.1)),
+    "a point of rotation in front by": (
+        lambda by: of_case(part_case(front=turned(1, (0, -80 - by, 100)))), (199, 201)),
+    "a point of rotation above by": (lambda by: of_case(part_case(front=turned(1, (0, 0, 180 + by)))), (199, 201)),
+    "fractions of": (
+        lambda by: of_case(part_case(front=Motion(follows={"core": by, "left": by}))), (-0.1, 0, 0.5, 0.51)),
+    "a bone passes by": (passing, (23.4, 23.6)),
 }  # fmt: skip
 
 

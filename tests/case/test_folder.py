@@ -10,7 +10,7 @@ import pytest
 
 from support.asserting import not_none
 from support.small_case import mapped, small_case
-from warp_trunk.case import Axes, Case, read_case, write_case
+from warp_trunk.case import Axes, Case, read_case, read_checked_case, write_case
 from warp_trunk.case.anatomy import check_bone_names
 from warp_trunk.case.case import Study
 from warp_trunk.case.fingerprint import difference, fingerprint_of
@@ -21,6 +21,7 @@ from warp_trunk.case.rib_coupling import RibCoupling
 from warp_trunk.case.uncertainty import Invented, Uncertainty
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface_checks import slivers
 from warp_trunk.io.file_names import name_of
 from warp_trunk.results.result import prepare_folder
 
@@ -81,6 +82,24 @@ def test_axes_and_units_are_converted_at_the_border(tmp_path, code):
     np.testing.assert_allclose(back.skin.vertices, case.skin.vertices, atol=1e-9)
     np.testing.assert_allclose(back.bones["T7"].vertices, case.bones["T7"].vertices, atol=1e-9)
     np.testing.assert_allclose(back.planned_landmarks.points, case.planned_landmarks.points, atol=1e-9)
+
+
+def test_thin_triangles_are_merged_with_a_note_that_names_the_first(tmp_path: Path) -> None:
+    """Two vertices come near to others; what was not measured stays with its place."""
+    case = small_case()
+    points, unseen = case.skin.vertices.copy(), case.skin.vertices[:, 0] < 0.0
+    firsts = np.flatnonzero((points[case.skin.faces][:, :, 2] > 100.0).all(axis=1))[[40, 900]]
+    for a, b, _ in case.skin.faces[firsts]:
+        points[a] = points[b] + 0.004 * (points[a] - points[b])
+    thin = slivers(case.skin.moved(points))
+    write_case(tmp_path, replace(case, skin=case.skin.moved(points), unseen=unseen))
+    back, warnings = read_checked_case(tmp_path)
+    assert warnings[0].startswith(
+        f"{tmp_path / 'skin.ply'}: {len(thin)} triangles have an angle of less than 1 degree"
+    )
+    assert f"the first number {thin[0]} near (" in warnings[0]
+    assert len(back.skin.vertices) < len(points)
+    np.testing.assert_array_equal(not_none(back.unseen), back.skin.vertices[:, 0] < 0.0)
 
 
 def test_rows_of_the_second_landmark_file_are_matched_by_name(tmp_path):

@@ -1,13 +1,14 @@
 """case.toml with its tables, the files that [layers] names, tissue.toml, and the error of landmarks."""
 
 import tomllib
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from support.asserting import not_none
+from support.shown import check_shown, described
 from support.small_case import small_case
 from warp_trunk.case import read_case, write_case
 from warp_trunk.case.case import Study
@@ -101,6 +102,22 @@ def test_tissue_comes_back(tmp_path):
     write_tissue_file(path, CONSTANTS, ["calibrated"])
     assert read_tissue_file(path) == CONSTANTS
     assert path.read_text(encoding="utf-8").startswith("# calibrated\n")
+
+
+def test_defaults_of_a_case_are_as_accepted(tmp_path: Path) -> None:
+    header = read(tmp_path, "[layers]\n[invented]\n")
+    records = [header.tissue, header.uncertainty, header.study, header.ribs, header.invented, Layers()]
+    lines = [
+        f"{item.name} = {described(getattr(record, item.name))}" for record in records for item in fields(record)
+    ]
+    layers = Layers().tissues(header.tissue)
+    check_shown("case_defaults", [f"posture = {header.posture}", *lines, *map(str, layers)])
+
+
+def test_the_error_along_an_axis_is_a_third_of_the_mean_square_of_its_length() -> None:
+    """Lengths of 3 and 5 mm, mean 4 and standard deviation 1, in any direction."""
+    stated = Uncertainty(landmark_error=4.0, landmark_error_sd=1.0)
+    assert 3.0 * stated.landmark_sd**2 == pytest.approx(np.mean(np.square([3.0, 5.0])))
 
 
 def test_source_is_named_by_the_error_that_is_stated():

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from support.asserting import not_none
 from support.report_results import write_small_result
 from support.small_case import mapped, small_case
 from warp_trunk.case import write_case
@@ -14,7 +13,7 @@ from warp_trunk.cli import main
 from warp_trunk.cli.output import OK
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import write_surface
-from warp_trunk.measures import compare_skins, measure
+from warp_trunk.measures import measure
 from warp_trunk.measures.quantities import Measured, MeasureTable
 from warp_trunk.results import read_result
 
@@ -44,19 +43,6 @@ def record_of(stem):
 
 def table_of(stem):
     return MeasureTable(Measured(**row) for row in record_of(stem)["measures"])
-
-
-def test_against_an_actual_skin(place, tmp_path, capsys):
-    folder, case, after = place
-    actual = folder / "case" / "skin.ply"
-    assert run(place, folder / "after.ply", "--against", actual, "--out", tmp_path) == OK
-    record = table_of(tmp_path / "measures")
-    comparison = compare_skins(after, case.skin, case.landmarks_after)
-    assert record.values("error", "bsr_deg") == comparison.bsr_difference
-    back = not_none(comparison.distance["back"])
-    assert record.value("error", "distance_rms_mm", "back") == pytest.approx(back.rms)
-    assert record.values("actual", "bsr_deg").keys() == record.values("after", "bsr_deg").keys()
-    assert "Error of the back surface rotation" in capsys.readouterr().out
 
 
 def test_surface_in_the_case_folder_has_its_axes_and_units(place, tmp_path):
@@ -90,9 +76,3 @@ def test_a_result_needs_no_case(result, tmp_path, capsys):
     assert record_of(tmp_path / "m")["tissue_volume_change_percent"] is not None
     assert main(["measure", str(result / "skin_before.ply"), "--out", str(tmp_path / "m")]) == 0
     assert "landmarks before surgery" in capsys.readouterr().out
-
-
-def test_the_landmarks_of_another_patient_are_refused(result, tmp_path, refused):
-    write_case(tmp_path / "other", replace(small_case(), actual_skin=None))
-    words = ["measure", result, "--case", tmp_path / "other", "--out", tmp_path / "m"]
-    refused(words, "is not the case of the result", "leave --case out")

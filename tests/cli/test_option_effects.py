@@ -25,9 +25,11 @@ import warp_trunk.cli.simulate as simulate_command
 import warp_trunk.recording as recording
 from support.phantoms import coarse_phantom
 from warp_trunk.case import read_checked_case, write_case
+from warp_trunk.case.anatomy import PELVIC_RING, VERTEBRAE
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.cli import back, doctor, films, import_case, main, measure, result, surfaces
 from warp_trunk.cli.commands import COMMANDS
+from warp_trunk.cohort import one_case
 from warp_trunk.errors import InputError
 from warp_trunk.live import opening
 from warp_trunk.preparation import phantom
@@ -49,7 +51,7 @@ CONSTANTS = {
 CASES = {"--workers": "2", "--scheduler": "tcp://a:1"}
 INTENTION = {
     "--uiv": "T5", "--liv": "L2", "--curve": "T8,correction=0.5", "--kyphosis-T5-T12": "30",
-    "--lordosis-L1-L5": "45", "--unfused": "fixed", "--spontaneous": "0.2", "--balance": "centre",
+    "--lordosis-L1-L5": "30", "--unfused": "fixed", "--spontaneous": "0.2", "--balance": "centre",
     "--sva-after": "5",
 }  # fmt: skip
 CUTS = {"--cut-above": "400", "--cut-below": "-90", "--cut": "0,0,0,1,0,0,50"}
@@ -212,7 +214,9 @@ ANSWERS: dict[Any, dict[str, Any]] = {
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A case with an actual skin, whose landmarks after surgery are 3 mm aside, with files to name."""
-    folder, case = tmp_path_factory.mktemp("options"), coarse_phantom()
+    folder, whole = tmp_path_factory.mktemp("options"), coarse_phantom()
+    bones = {name: whole.bones[name] for name in (*VERTEBRAE, *PELVIC_RING)}
+    case = replace(whole, bones=bones)
     after = case.planned_landmarks
     aside = replace(case, landmarks_after=replace(after, points=after.points + 3.0), actual_skin=case.skin)
     write_case(folder / "case", aside)
@@ -314,7 +318,36 @@ def test_several_results_are_bare_side_by_side_where_that_is_asked_for(asked: Ca
     assert asked("report FOLDER/a FOLDER/b") != asked("report FOLDER/a FOLDER/b --views bare")
 
 
-@pytest.mark.parametrize(("command", "flag"), [(command, flag) for command in TABLE for flag in TABLE[command]])
+def of_simulation(command: str, flag: str) -> bool:
+    """Whether a field of `RunOptions` or `Execution` takes the option; several cases have no mesh of their own."""
+    of_one_case = flag in ("--from-mesh", "--view") and command in ("cohort", "calibrate")
+    return flag in {*SIMULATION, "--no-bands"} and not of_one_case
+
+
+@pytest.mark.parametrize("command", ["simulate", "cohort", "calibrate", "plan", "demo"])
+def test_each_option_of_a_simulation_changes_its_own_field(
+    command: str, asked: Callable[[str], list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All are given at once, as each command that simulates has them."""
+    for module in (cohort_command, one_case):
+        monkeypatch.setattr(module, "refuse_unread", lambda *_: None)
+    monkeypatch.setattr(cohort_command, "check_free", lambda *_: None)
+    flags = {flag: value for flag, value in TABLE[command].items() if of_simulation(command, flag)}
+    base = BASE[command].replace("--bones spline", "")
+    without = " ".join(asked(base))
+    for group in ([flag for flag in flags if flag != "--no-record"], ["--no-record"]):  # which is not for --view
+        given = " ".join(asked(" ".join([base, *(f"{flag} {flags[flag]}" for flag in group)])))
+        for flag in group:
+            name = flag.removeprefix("--").removeprefix("no-").replace("-", "_")
+            before, after = (re.findall(rf"'{name}': ([^,}}]+)", text) for text in (without, given))
+            assert len(before) == len(after) > 0, (flag, given[:300])
+            assert before != after, flag
+
+
+OWN_OPTIONS = [(name, flag) for name, flags in TABLE.items() for flag in flags if not of_simulation(name, flag)]
+
+
+@pytest.mark.parametrize(("command", "flag"), OWN_OPTIONS)
 def test_with_an_option_something_else_is_asked_for(
     command: str, flag: str, asked: Callable[[str], list[str]]
 ) -> None:

@@ -111,6 +111,9 @@ def test_what_becomes_of_surfaces_is_as_accepted(console: Console, monkeypatch: 
         names = ["above.ply", "below.ply", "low.ply", "middle.ply"]
         assert sorted(path.name for path in bones.iterdir()) == names
         assert (Path(units) / "bones_uncut" / "T7.ply").is_file()
+    write_surface("mm/bones/T8.ply", sphere(20.0, (5.0, 0.0, 0.0)), "RAS")  # in which it lies to the right
+    console.run("cut mm --bone T8 --plane -5 0 0 1 0 0 --names right left --radius 100")
+    assert read_surface("mm/bones/right.ply").vertices[:, 0].max() == pytest.approx(-5.0, abs=1e-3)
     openings = [
         SimpleNamespace(is_end=is_end, area=area, centre=np.array([1.0, -2.0, 3.0]))
         for is_end, area in ((True, 25_000.0), (False, 130.0))
@@ -386,8 +389,8 @@ def test_what_many_cases_give_is_as_accepted(console: Console, monkeypatch: pyte
     for name, case in {"a": good, "b": replace(good, actual_skin=None)}.items():
         write_case(Path("cases") / name, case)
     write_case("cases/c", replace(part_case(front=FORWARD), actual_skin=part_case().skin))
-    shutil.copytree("cases/a", "cases/d")
-    Path("cases/d/skin.ply").unlink()
+    shutil.copytree("cases/a", "cases/0")
+    Path("cases/0/skin.ply").unlink()  # the first of them
     Path("out/old").mkdir(parents=True)
     Path("out/old/summary.json").touch()
 
@@ -408,7 +411,7 @@ def test_what_many_cases_give_is_as_accepted(console: Console, monkeypatch: pyte
     console.run("cohort cases --out out")
     for words in ("theta", "density", "theta --pose bending", "theta --poisson-ratio 0.3"):
         console.run(f"calibrate cases --free {words} --energy itmsm --out a.toml")
-    shutil.rmtree("cases/d")
+    shutil.rmtree("cases/0")
     console.run("calibrate cases --free theta --energy itmsm --out a.toml")
     check_shown("console_cohort", console.lines)
 
