@@ -17,6 +17,7 @@ against a programmer's fault.
 import ast
 import contextlib
 import difflib
+import io
 import itertools
 import json
 import os
@@ -29,6 +30,7 @@ import subprocess
 import sys
 import threading
 import time
+import tokenize
 import tomllib
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
@@ -276,7 +278,10 @@ def _left_out(text: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
         start = rows[line - 1].encode()[:offset].decode()
         return line, len(start) - start.endswith("@")
 
-    return [(place(node.lineno, node.col_offset), place(node.end_lineno, node.end_col_offset)) for node in nodes]
+    ranges = [(place(node.lineno, node.col_offset), place(node.end_lineno, node.end_col_offset)) for node in nodes]
+    tokens = tokenize.generate_tokens(io.StringIO(text).readline)
+    stars = [star for star, after in itertools.pairwise(tokens) if star.string == "*" and after.string == ","]
+    return ranges + [(star.start, star.end) for star in stars]  # keyword-only: a programmer's guard
 
 
 def _mutant(path: Path, change: tuple[str, int, int]) -> Mutant | None:

@@ -1,11 +1,9 @@
 """The planning page in a real browser: drag, look, keep, compare, undo; two browsers, one of them killed."""
 
-import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -23,9 +21,7 @@ from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.motions import Motion, rigid_motions
 from warp_trunk.case.points import Points
 from warp_trunk.live.planning_page import Page
-from warp_trunk.live.relaxation import LiveRelaxation
 from warp_trunk.live.sliders import MotionSliders, Setting, SpineSliders, with_handles
-from warp_trunk.measures.number_text import MISSING
 from warp_trunk.measures.rows import number as shown
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.recording.viewer import free_port
@@ -188,40 +184,6 @@ def test_every_control_has_a_name_and_words_can_be_read(visit: Visit, page: Page
     assert set(names["slider"]) <= set(sliders)
     faults = violations(visit.tab, "label", "aria-input-field-name", "button-name", "color-contrast")
     assert [fault for fault in faults if "mantine-Notification" not in fault[1]] == []
-
-
-def test_numbers_of_the_plan_before_are_not_shown_beside_the_new_one(
-    visit: Visit, page: Page, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    relax, goes = LiveRelaxation.relax, threading.Event()
-
-    def slow(*arguments: Any, **more: Any) -> Any:
-        goes.wait(WAIT / 1000.0)
-        return relax(*arguments, **more)
-
-    visit.wait_for(RELAXED)
-    monkeypatch.setattr(LiveRelaxation, "relax", slow)
-    share = correction(page)
-    visit.drag(25)
-    until(lambda: correction(page) > share, visit)
-    visit.wait_for("measured when its skin is relaxed")
-    visit.wait_for("Spline's image, not relaxed yet")
-    rows = visit.tab.locator("table.numbers tr")
-    of_skin = [text for text in rows.all_inner_texts() if "BSR" in text or "hump" in text]
-    assert of_skin
-    assert all(text.endswith(MISSING) for text in of_skin)
-    goes.set()
-    until(lambda: settled(page), visit)
-    visit.wait_for(RELAXED)
-    expect(visit.tab.locator("body")).not_to_contain_text("measured when its skin is relaxed", timeout=WAIT)
-
-
-def test_intervals_come_on_one_click(visit: Visit, page: Page) -> None:
-    until(lambda: settled(page), visit)
-    visit.press("Compute intervals")
-    visit.wait_for("19 of 20")
-    assert page.session.view is not None
-    assert page.session.view.intervals
 
 
 def test_keep_compare_and_undo(visit: Visit, page: Page) -> None:

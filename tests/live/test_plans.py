@@ -73,6 +73,7 @@ def test_a_name_that_no_folder_should_have_is_refused(tmp_path: Path, name: str)
 
 def test_an_existing_plan_is_not_overwritten_and_a_full_disk_is_reported(tmp_path: Path) -> None:
     saved = SavedPlans(tmp_path, CASE)
+    saved.keep("x" * 60, view())
     saved.keep("mine", view())
     with pytest.raises(InputError, match="'mine' exists already"):
         saved.keep("mine", view())

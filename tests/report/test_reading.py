@@ -46,6 +46,28 @@ def opened(browser: Browser, page: Path, width: int) -> Page:
     return tab
 
 
+@pytest.mark.parametrize("name", ["report", "plans"])
+def test_a_page_asks_for_nothing_and_complains_of_nothing_on_screens_and_paper(
+    browser: Browser, pages: dict[str, Path], name: str
+) -> None:
+    complaints, requests = list[str](), set[str]()
+    tab, address = browser.new_context(offline=True).new_page(), pages[name].resolve().as_uri()
+    tab.on("pageerror", lambda error: complaints.append(str(error)))
+    tab.on("console", lambda said: complaints.extend([said.text] * (said.type in ("error", "warning"))))
+    tab.on("request", lambda request: requests.add(request.url))
+    for width in (DESKTOP, PHONE):
+        tab.set_viewport_size({"width": width, "height": 900})
+        tab.goto(address, wait_until="load")
+        assert tab.evaluate("document.documentElement.scrollWidth") <= width
+    sizes = tab.evaluate("[...document.images].map(image => image.complete && image.naturalWidth)")
+    assert min(sizes) > 100
+    assert {url for url in requests if not url.startswith("data:")} == {address}
+    assert [said for said in complaints if "GL Driver Message" not in said] == []
+    printed = tab.pdf(prefer_css_page_size=True)
+    assert 2 <= printed.count(b"/Type /Page") - printed.count(b"/Type /Pages") <= 8
+    assert b"[0 0 595" in printed or b"[0 0 594.9" in printed  # A4
+
+
 @pytest.mark.parametrize("width", [DESKTOP, PHONE])
 @pytest.mark.parametrize("name", ["report", "plans"])
 def test_axe_finds_no_fault(browser: Browser, pages: dict[str, Path], name: str, width: int) -> None:
