@@ -32,7 +32,7 @@ OPTIONS = MeshOptions(tets=5000, bone_voxel=6.0)
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
-    """A mesh, the same from the cache, and the stages that were named; the folder of the cache does not exist before."""
+    """A mesh, the same from the cache, and its stages; the folder of the cache is not there before."""
     stages = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("WARP_TRUNK_CACHE", str(tmp_path_factory.mktemp("cache") / "kept" / "here"))

@@ -189,7 +189,7 @@ def test_t1_comes_home_by_the_discs_below_the_fusion(lowest: str, left: float) -
     assert plumb(after)[0] == pytest.approx(left * plumb(before)[0], abs=0.1)
 
 
-OTHER = Plan(uiv="T4", liv="L1", curves=(CurvePlan(apex="T8", cobb_after=21.0, rotation_after=5.0),))
+AFTERWARDS = Plan(uiv="T4", liv="L1", curves=(CurvePlan(apex="T8", cobb_after=21.0, rotation_after=5.0),))
 T9, FILMS, NONE = CurvePlan(apex="T9", correction=0.5), case(), case(None, None)
 PLANS = {
     "as films allow": (FILMS, SELECTIVE),
@@ -208,9 +208,9 @@ PLANS = {
     "no target": (NONE, replace(SELECTIVE, curves=())),
     "T1 as before": (NONE, replace(SELECTIVE, balance="keep")),
     "T1 over the sacrum": (NONE, replace(SELECTIVE, balance="centre", sva_after=12.0)),
-    "values after": (imposed(), OTHER),
-    "values after, below it nothing": (imposed(), replace(OTHER, unfused="fixed")),
-    "no share": (imposed(), replace(OTHER, spontaneous=0.0, kyphosis_T5_T12=20.0)),
+    "values after": (imposed(), AFTERWARDS),
+    "values after, below it nothing": (imposed(), replace(AFTERWARDS, unfused="fixed")),
+    "no share": (imposed(), replace(AFTERWARDS, spontaneous=0.0, kyphosis_T5_T12=20.0)),
     "an apex outside": (FILMS, Plan(uiv="T4", liv="T10", curves=(CurvePlan(apex="L2", correction=0.5),))),
     "a curve twice": (FILMS, replace(SELECTIVE, curves=(*SELECTIVE.curves, T9))),
     "no such vertebra": (FILMS, replace(SELECTIVE, uiv="C6")),
@@ -227,7 +227,7 @@ def test_plans_and_what_comes_of_them_are_as_accepted() -> None:
 
 
 def outcome(patient: Case, plan: Plan) -> Iterator[str]:
-    """What a plan does, or why it is refused."""
+    """Curves, angles and ways before and after a plan, or why it is refused."""
     try:
         surgery = plan_surgery(patient, plan)
     except InputError as refusal:
