@@ -336,11 +336,11 @@ def test_each_option_of_a_simulation_changes_its_own_field(
     base = BASE[command].replace("--bones spline", "")
     without = " ".join(asked(base))
     for group in ([flag for flag in flags if flag != "--no-record"], ["--no-record"]):  # which is not for --view
-        given = " ".join(asked(" ".join([base, *(f"{flag} {flags[flag]}" for flag in group)])))
+        asked_with = " ".join(asked(" ".join([base, *(f"{flag} {flags[flag]}" for flag in group)])))
         for flag in group:
             name = flag.removeprefix("--").removeprefix("no-").replace("-", "_")
-            before, after = (re.findall(rf"'{name}': ([^,}}]+)", text) for text in (without, given))
-            assert len(before) == len(after) > 0, (flag, given[:300])
+            before, after = (re.findall(rf"'{name}': ([^,}}]+)", text) for text in (without, asked_with))
+            assert len(before) == len(after) > 0, (flag, asked_with[:300])
             assert before != after, flag
 
 

@@ -8,7 +8,9 @@ import meshio
 import numpy as np
 import pytest
 
-from support.asserting import not_none, refuses
+from support.asserting import not_none
+from support.refusals import refusal
+from support.shown import check_shown
 from support.small_trunk import boned_case, small_trunk
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
@@ -311,25 +313,44 @@ def foreign(path, trunk, **change):
     meshio.write(path, meshio.Mesh(parts["nodes"], parts["cells"], point_data=parts["data"]))
 
 
-@pytest.mark.parametrize(
-    ("change", "rule"),
-    [
-        ({"nodes": lambda t: t.nodes / 1000.0}, "from the skin of the case"),
-        ({"nodes": lambda t: t.nodes + np.array([0.0, 30.0, 0.0])}, "from the skin of the case"),
-        ({"data": lambda t: {}}, "does not mark the nodes on bone"),
-        ({"data": lambda t: {"bone": np.full(len(t.nodes), -1)}}, "no node lies on bone"),
-        ({"data": lambda t: {"bone": np.zeros(len(t.nodes))}}, "no node lies on bone"),
-        ({"data": lambda t: {"bone": np.ones(len(t.nodes))}}, "every node lies on bone"),
-        ({"cells": lambda t: [("triangle", t.tets[:, :3])]}, "not no solid cells"),
-        ({"cells": lambda t: [("tetra", np.repeat(t.tets, 2, axis=0))]}, "leave no skin"),
-        ({"cells": lambda t: [("tetra", t.tets), ("wedge", t.tets[:2, [0, 1, 2, 3, 0, 1]])]}, "not tetra, wedge"),
-        ({"data": lambda t: {"bone": np.where(t.nodes[:, 2] > 400, 0, -1)}}, "bone"),
-    ],
-)
-def test_meshes_that_do_not_fit_are_refused(change, rule, trunk, bones, tmp_path):
-    foreign(tmp_path / "a.vtu", trunk, **{name: make(trunk) for name, make in change.items()})
-    with refuses("a.vtu", rule):
-        read_volume(tmp_path / "a.vtu", skin_of(trunk), bones)
+FOREIGN = {
+    "in metres": {"nodes": lambda t: t.nodes / 1000.0},
+    "beside the skin": {"nodes": lambda t: t.nodes + np.array([0.0, 30.0, 0.0])},
+    "without data": {"data": lambda t: {}},
+    "without bone": {"data": lambda t: {"bone": np.full(len(t.nodes), -1)}},
+    "zeros": {"data": lambda t: {"bone": np.zeros(len(t.nodes))}},
+    "all bone": {"data": lambda t: {"bone": np.ones(len(t.nodes))}},
+    "triangles": {"cells": lambda t: [("triangle", t.tets[:, :3])]},
+    "doubled": {"cells": lambda t: [("tetra", np.repeat(t.tets, 2, axis=0))]},
+    "wedges": {"cells": lambda t: [("tetra", t.tets), ("wedge", t.tets[:2, [0, 1, 2, 3, 0, 1]])]},
+    "bone far from bones": {"data": lambda t: {"bone": np.where(t.nodes[:, 2] > 400, 0, -1)}},
+}
+
+
+def two_pieces(content):
+    start, tag, rest = content.partition("<Piece")
+    piece, closing, end = (tag + rest).partition("</Piece>")
+    return start + 2 * (piece + closing) + end
+
+
+DAMAGED = {
+    "other elements": (".inp", lambda text: text.replace("C3D4", "C3D5")),
+    "packed otherwise": (".vtu", lambda text: text.replace("ZLib", "LZ4")),
+    "two pieces": (".vtu", two_pieces),
+}
+
+
+def test_lines_of_meshes_that_do_not_fit_are_as_accepted(trunk, motion, bones, tmp_path):
+    lines, path = [], tmp_path / "a.vtu"
+    for name, change in FOREIGN.items():
+        foreign(path, trunk, **{key: make(trunk) for key, make in change.items()})
+        lines.append(refusal(name, tmp_path, lambda: read_volume(path, skin_of(trunk), bones)))
+    for name, (ending, damage) in DAMAGED.items():
+        path = tmp_path / f"a{ending}"
+        write_volume(path, trunk, motion, TISSUE)
+        path.write_text(damage(path.read_text(encoding="utf-8")), encoding="utf-8")
+        lines.append(refusal(name, tmp_path, lambda path=path: read_volume(path, skin_of(trunk), bones)))
+    check_shown("refused_meshes", lines)
 
 
 @pytest.mark.parametrize("none", [0, -1, np.nan])
@@ -346,25 +367,3 @@ def test_hybrid_tetrahedra_of_abaqus_are_tetrahedra(trunk, motion, bones, tmp_pa
         (tmp_path / "a.inp").read_text(encoding="utf-8").replace("C3D4", "C3D4H"), encoding="utf-8"
     )
     np.testing.assert_array_equal(read_volume(tmp_path / "a.inp", skin_of(trunk), bones).tets, trunk.tets)
-
-
-def two_pieces(content):
-    start, tag, rest = content.partition("<Piece")
-    piece, closing, end = (tag + rest).partition("</Piece>")
-    return start + 2 * (piece + closing) + end
-
-
-@pytest.mark.parametrize(
-    ("ending", "damage", "said"),
-    [
-        (".inp", lambda text: text.replace("C3D4", "C3D5"), "C3D5"),
-        (".vtu", lambda text: text.replace("ZLib", "LZ4"), "packed by vtkLZ4DataCompressor"),
-        (".vtu", two_pieces, "it has 2 pieces; join them into one"),
-    ],
-)
-def test_the_cause_of_a_refused_mesh_is_named(ending, damage, said, trunk, motion, bones, tmp_path):
-    path = tmp_path / f"a{ending}"
-    write_volume(path, trunk, motion, TISSUE)
-    path.write_text(damage(path.read_text(encoding="utf-8")), encoding="utf-8")
-    with refuses(path.name, said):
-        read_volume(path, skin_of(trunk), bones)
