@@ -1,11 +1,9 @@
 """Sliders make plans and motions; kept plans are cases as `plan` writes them; the words of the page."""
 
 import re
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +16,7 @@ from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.case.motions import Motion, Turn, rigid_motions
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import RigidMotion
+from warp_trunk.live.loopback import LoopbackServer
 from warp_trunk.live.number_table import _rotation
 from warp_trunk.live.saved_plans import SavedPlans
 from warp_trunk.live.session import PlanView
@@ -33,6 +32,7 @@ from warp_trunk.live.sliders import (
     with_handles,
 )
 from warp_trunk.measures.quantities import Measured, MeasureTable
+from warp_trunk.recording.viewer import free_port
 from warp_trunk.run.patient import motions_of
 from warp_trunk.spine import cobb_angles
 from warp_trunk.spine.apical import axial_rotation
@@ -157,57 +157,24 @@ def test_the_kyphosis_has_plausible_ends_that_hold_the_patients_own() -> None:
 def test_undo_returns_to_before_a_drag_however_it_pauses(monkeypatch: pytest.MonkeyPatch) -> None:
     now, asked = [0.0], list[Any]()
     monkeypatch.setattr("warp_trunk.live.sliders.time.monotonic", lambda: now[0])
-    gui, name = Gui(), CORRECTION
-    controls = Controls(cast(Any, gui), REST, asked.append)
-    slider = controls._handles[name]
-    assert {name for name, handle in controls._handles.items() if handle.disabled} == REST.without_effect(
-        first_state(REST)
-    )
-    assert controls._undo.disabled
-    for seconds, value in ((10.0, 10), (10.1, 20), (11.2, 30), (11.3, 40)):  # the hand stops for a second
-        now[0] = seconds
-        slider.set(value)
-    assert asked[-1][name] == 40
-    assert not controls._undo.disabled
-    controls._handles[KYPHOSIS].set(31)  # another slider: a step of its own
-    controls.undo()
-    assert asked[-1] == {**first_state(REST), name: 40}
-    controls.undo()
-    assert asked[-1] == first_state(REST)
-
-
-class Handle:
-    """A control of that page."""
-
-    def __init__(self, value: object) -> None:
-        self.value, self._heard = value, list[Callable[[object], None]]()
-        self.disabled: bool | None = None
-
-    def on_update(self, heard: Callable[[object], None]) -> None:
-        self._heard.append(heard)
-
-    on_click = on_update
-
-    def set(self, value: object) -> None:
-        self.value = value
-        for heard in self._heard:
-            heard(None)
-
-
-class Gui:
-    """The part of a page that controls are added to."""
-
-    def add_folder(self, _: str) -> AbstractContextManager[None]:
-        return nullcontext()
-
-    def add_dropdown(self, _: str, __: object, initial_value: object) -> Handle:
-        return Handle(initial_value)
-
-    def add_slider(self, _: str, *span: Any, hint: object) -> Handle:
-        return Handle(span[-1])
-
-    def add_button(self, _: str, disabled: bool, color: object) -> Handle:
-        return Handle(None)
+    server = LoopbackServer(free_port(), "sliders")
+    try:
+        controls, start = Controls(server.gui, REST, asked.append), first_state(REST)
+        handles = controls._handles
+        assert {name for name, handle in handles.items() if handle.disabled} == REST.without_effect(start)
+        assert controls._undo.disabled
+        for seconds, value in ((10.0, 10), (10.1, 20), (11.2, 30), (11.3, 40)):  # the hand stops for a second
+            now[0] = seconds
+            handles[CORRECTION].value = value
+        assert asked[-1][CORRECTION] == 40
+        assert not controls._undo.disabled
+        handles[KYPHOSIS].value = 31  # another slider: a step of its own
+        for wanted in ({**start, CORRECTION: 40}, start):
+            controls.undo()
+            assert asked[-1] == wanted
+            assert {name: handle.value for name, handle in handles.items()} == wanted
+    finally:
+        server.stop()
 
 
 def test_a_curve_outside_the_fusion_is_not_planned_and_has_no_effect() -> None:

@@ -135,13 +135,14 @@ def test_the_end_of_motions_is_that_of_a_simulation_and_a_collision_is_refused()
     options = RunOptions(mesh=MeshOptions(tets=5000, bone_voxel=5.0))
     execution = Execution(device="cpu", threads=1, cache=False)
     handled = with_handles(case)
-    with Heard(patient_of(handled, options, execution=execution), MotionSliders(handled)) as session:
+    patient = patient_of(handled, options, execution=execution)
+    with Heard(patient, MotionSliders(handled)) as session:
         state = first_state(session.sliders)
         session.settled(state)
         session.ask({**state, Setting("Back mm", "front"): 35.0})
         session.until(lambda: session.refusal.startswith("'front' passes"))
         view = session.settled({**state, Setting("Back mm", "front"): -7.0, Setting("Up mm", "front"): 1.0})
-    check_end(view, patient_of(case, options, execution=execution))
+    check_end(view, patient_of(case, options, patient.trunk, execution=execution))
     assert session.faults == []
 
 

@@ -1,6 +1,8 @@
 """The viewer itself: what it shows of a recording, live and in a browser, and who can reach it."""
 
 import io
+import os
+import re
 import socket
 import subprocess
 import sys
@@ -11,12 +13,14 @@ import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 import pytest
 
 from support.rrd import column
 from support.small_trunk import made_up_increments, measured, small_case, start_recording
+from warp_trunk.errors import InputError
 from warp_trunk.recording import start_viewer, viewer
 from warp_trunk.recording.colours import LABEL_BOX
 from warp_trunk.recording.viewer import POLICY, address, free_port, listens, page_server, stop
@@ -193,6 +197,25 @@ def test_the_page_is_that_of_rerun(recorded: Path) -> None:
     answers = answered(recorded, "/", "/re_viewer_bg.wasm", "/recording.rrd")
     for body, expected in zip(answers.values(), (b"<html", b"\0asm", b"RRF2"), strict=True):
         assert expected in body[3][:500]
+
+
+def test_a_viewer_that_does_not_open_is_ended_and_its_last_words_are_passed_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    code, started = "print('no\\ndisplay', flush=True); import time; time.sleep(600)", list[subprocess.Popen]()
+
+    def begun(*_: str, output: IO[bytes]) -> subprocess.Popen:
+        started.append(subprocess.Popen([sys.executable, "-c", code], stdout=output))
+        until(lambda: os.fstat(output.fileno()).st_size > 0)
+        return started[-1]
+
+    monkeypatch.setattr(viewer, "_started", begun)
+    monkeypatch.setattr(viewer, "listens", lambda *_: len(started) == 2)
+    with pytest.raises(InputError, match=r"the viewer does not open \(display\); leave --view out"):
+        start_viewer()
+    assert started[0].poll() not in (None, 0)
+    assert re.fullmatch(r"rerun\+http://127\.0\.0\.1:\d+/proxy", start_viewer())
+    stop(started[1])
 
 
 def test_a_program_listens_while_it_runs_and_is_stopped_with_what_it_started() -> None:
