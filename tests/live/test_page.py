@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,20 +12,12 @@ from playwright.sync_api import Page as Tab
 from support.asserting import not_none
 from support.axe import violations
 from support.chromium import CHROMIUM, WEBGL, needs_chromium
-from support.small_case import part_case
 from support.small_trunk import APEX, small_patient
-from warp_trunk.bone_motion.plan import PlannedSurgery, read_plan
-from warp_trunk.case import read_case
-from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.case.motions import Motion, rigid_motions
-from warp_trunk.case.points import Points
+from warp_trunk.bone_motion.plan import PlannedSurgery
 from warp_trunk.live.planning_page import Page
-from warp_trunk.live.sliders import MotionSliders, Setting, SpineSliders, with_handles
+from warp_trunk.live.sliders import Setting, SpineSliders
 from warp_trunk.measures.rows import number as shown
-from warp_trunk.meshing import MeshOptions
 from warp_trunk.recording.viewer import free_port
-from warp_trunk.run.options import Execution, RunOptions
-from warp_trunk.run.patient import patient_of
 
 pytestmark = [needs_chromium, pytest.mark.slow]
 WAIT = 90_000.0
@@ -97,12 +88,6 @@ class Visit:
     def press(self, button: str) -> None:
         """Presses a button; without the wait for two quiet frames, which take long without a GPU."""
         self.tab.get_by_role("button", name=button, exact=True).dispatch_event("click")
-
-    def choose(self, label: str, option: str) -> None:
-        """Chooses from a list."""
-        self.tab.get_by_label(label, exact=True).first.dispatch_event("click")
-        choice = self.tab.get_by_role("option", name=option, exact=True, include_hidden=True)
-        choice.first.dispatch_event("click")  # of two equal ones that of the list above
 
     def slider(self, number: int) -> Locator:
         """A slider that can be moved: 0 is the correction of the fused curve, 1 its derotation."""
@@ -186,26 +171,6 @@ def test_every_control_has_a_name_and_words_can_be_read(visit: Visit, page: Page
     assert [fault for fault in faults if "mantine-Notification" not in fault[1]] == []
 
 
-def test_keep_compare_and_undo(visit: Visit, page: Page) -> None:
-    share = correction(page)
-    visit.press("Keep this plan")
-    visit.wait_for("Kept: ")
-    assert page.saved.names == ("plan_1",)
-    plan = read_plan(page.saved.folder / "plan_1" / "plan.toml")
-    assert [(curve.apex, curve.correction) for curve in plan.curves if curve.correction] == [(APEX, share / 100.0)]
-    visit.tab.wait_for_timeout(2300)  # the hand rests: undo comes back to here
-    visit.drag(-20)
-    until(lambda: correction(page) < share and settled(page), visit)
-    visit.choose("Compare with", "plan_1")
-    visit.wait_for("■ plan_1")
-    assert page.scene.compared.visible
-    for _ in range(6):  # a slow machine lets the hand seem to rest on its way
-        if correction(page) != share:
-            visit.press("Undo")
-            visit.tab.wait_for_timeout(1500)
-    until(lambda: correction(page) == share and settled(page), visit)
-
-
 def test_two_tabs_show_one_plan_and_one_that_goes_takes_nothing_along(
     visit: Visit, page: Page, playwright: Playwright
 ) -> None:
@@ -245,38 +210,3 @@ def test_on_a_phone_nothing_lies_on_the_picture(browser: Browser, page: Page) ->
     visit.tab.locator(f'{PANEL} [style*="cursor: pointer"]').first.dispatch_event("click")
     until(lambda: ends()[1] > opened + 100.0 and abs(ends()[0] - ends()[1]) < 2.0, visit)
     visit.tab.close()
-
-
-def test_the_button_ends_it(visit: Visit, page: Page) -> None:
-    visit.press("End")
-    visit.press("Continue planning")
-    assert not page.stopped.wait(1.0)
-    visit.press("End")
-    visit.press("End the page")
-    assert page.stopped.wait(10.0)
-    assert [path.name for path in page.saved.folder.iterdir()] == ["plan_1"]
-    assert (visit.complaints, visit.elsewhere) == ([], [])
-
-
-def test_motions_have_a_slider_for_each_component_and_are_kept_as_a_case(browser: Browser, tmp_path: Path) -> None:
-    marks = Landmarks(("tip", "bone"), np.array([[0.0, -80.0, 100.0], [0.0, -63.0, 100.0]]))
-    motions = {"front": Motion(translation=(0.0, -4.0, 0.0)), "left": Motion(follows={"front": 0.5})}
-    case = with_handles(replace(part_case(**motions), points=Points(marks, {"tip": "bone"})))
-    options = RunOptions(mesh=MeshOptions(tets=8000, bone_voxel=4.0))
-    execution = Execution(device="cpu", threads=1, cache=False)
-    with Page(
-        patient_of(case, options, execution=execution), MotionSliders(case), tmp_path / "plans", free_port()
-    ) as page:
-        visit = Visit(browser, page)
-        for words in ("Left mm", "Yaw °", "Follows front %", "tip, ratio to bone"):
-            visit.wait_for(words)
-        expect(visit.tab.locator("body")).not_to_contain_text("Cobb")
-        assert visit.tab.get_by_role("slider").count() == 7
-        visit.press("Keep this plan")
-        visit.wait_for("Kept: ")
-        assert page.failure is None
-    saved = read_case(tmp_path / "plans" / "plan_1")
-    assert saved.landmarks_before.names == ()
-    assert saved.points.pairs == {"tip": "bone"}
-    for bone, motion in rigid_motions(saved.motions).items():
-        np.testing.assert_allclose(motion.as_matrix(), rigid_motions(motions)[bone].as_matrix(), atol=1e-6)

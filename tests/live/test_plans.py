@@ -12,8 +12,10 @@ from support.small_case import part_case
 from support.small_trunk import APEX, curved_case
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, PlannedSurgery, Planner, plan_surgery, read_plan
 from warp_trunk.bone_motion.plan.surgery import surgery_record
-from warp_trunk.case.landmarks import read_landmarks
+from warp_trunk.case import read_case
+from warp_trunk.case.landmarks import Landmarks, read_landmarks
 from warp_trunk.case.motions import Motion, Turn, rigid_motions
+from warp_trunk.case.points import Points
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.live.loopback import LoopbackServer
@@ -227,6 +229,18 @@ def test_sliders_of_motions_at_zero_move_nothing_and_no_bone_passes_into_another
     assert not any(motion.moves for motion in motions_of(sliders.surgery(still).planned_case(case)).values())
     with pytest.raises(InputError, match=r"'front' passes .* into 'core'"):
         sliders.surgery({**still, Setting("Back mm", "front"): 35.0})
+
+
+def test_kept_motions_are_a_case_without_handles_and_with_its_points(tmp_path: Path) -> None:
+    marks = Landmarks(("tip", "bone"), np.array([[0.0, -80.0, 100.0], [0.0, -63.0, 100.0]]))
+    case = with_handles(replace(part_case(**MOTIONS), points=Points(marks, {"tip": "bone"})))
+    sliders = MotionSliders(case)
+    shown = PlanView(1, {}, sliders.surgery(first_state(sliders)), {}, case.skin.vertices)
+    saved = read_case(SavedPlans(tmp_path, case).keep("mine", shown))
+    assert (saved.name, saved.landmarks_before.names) == ("part, motions mine", ())
+    assert saved.points.pairs == {"tip": "bone"}
+    for bone, motion in rigid_motions(saved.motions).items():
+        np.testing.assert_allclose(motion.as_matrix(), rigid_motions(MOTIONS)[bone].as_matrix(), atol=1e-6)
 
 
 def test_levels_in_the_wrong_order_are_refused_in_the_words_of_the_page() -> None:

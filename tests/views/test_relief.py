@@ -13,7 +13,6 @@ from support.synthetic import grid_faces
 from support.trunk_shapes import posed
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures.quantities import Measured, MeasureTable
 from warp_trunk.report.panels import shaded
 from warp_trunk.report.spine_pictures import DEEP, FACES, WIDE, spine_picture, vertebra_boxes
 from warp_trunk.report.style import BEFORE
@@ -188,15 +187,6 @@ def test_faces_look_outwards():
     for face in FACES:
         a, b, c, d = corners[list(face)]
         assert np.cross(c - a, d - b) @ (corners[list(face)].mean(axis=0) - corners.mean(axis=0)) > 0.0
-
-
-def test_angles_written_on_a_spine_are_those_of_the_table():
-    spine = known_spine(to_left={"T1": -10.0, "T5": 30.0, "T12": -30.0, "L4": 0.0})
-    state = posed(BEFORE, spine)
-    table = MeasureTable([Measured("before", state.measures.cobb[0].ends, "cobb_deg", 77.0)])
-    figure = spine_picture([replace(state, table=table)], BEHIND, [()])
-    angles = [text.get_text() for text in figure.axes[0].texts if text.get_text().endswith("°")]
-    assert angles == ["77°"]
 
 
 def test_the_faces_of_vertebrae_that_are_seen_are_drawn_and_fused_ones_are_blue():
