@@ -177,7 +177,7 @@ def _metadata(kind: type) -> dict[str, Any]:
 
 def _as_hinted(value: Any, hint: Any, what: str, name: str) -> Any:
     """The value as a hint has it; InputError, which names `what` and `name`, for one that it does not allow."""
-    kinds = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+    kinds = _alternatives(hint)
     kind = next((kind for kind in kinds if _is_a(value, kind)), None)
     if kind is None:
         raise WrongTypeError(
@@ -237,6 +237,11 @@ def _is_list(value: object) -> bool:
 
 
 @cache
+def _alternatives(hint: Any) -> tuple[Any, ...]:
+    """The types that a hint allows."""
+    return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+
+
 def _outer(kind: Any) -> Any:
     """The type of a hint without its members."""
     return _outer(get_args(kind)[0]) if get_origin(kind) is Annotated else get_origin(kind) or kind
@@ -260,9 +265,9 @@ def _cure(value: object, kinds: Sequence[Any]) -> str:
     if outer is int and isinstance(value, Real) and math.isfinite(value):
         return f"give {round(float(value))}"
     if outer in (Sequence, list, tuple) and (members := get_args(kinds[0])):
-        if _is_a(value, members[0]):
+        if any(_is_a(value, kind) for kind in _alternatives(members[0])):
             return "give a list of it, in brackets"
-        outer = _outer(members[0])
+        outer = _outer(_alternatives(members[0])[0])
     name = getattr(outer, "__name__", "")
     return _CURES.get(name, "give one" if outer in _WORDS or outer is Literal else f"give wt.{name}(...)")
 

@@ -7,17 +7,13 @@ import shutil
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 
-import meshio
 import numpy as np
 import pytest
 
 from support.asserting import refuses
-from support.known_patient import AFTER, BEFORE, known_case, known_increments
-from support.report_results import small_bands
+from support.known_patient import known_case, known_increments
 from support.small_trunk import made_up_increments, small_case
 from warp_trunk.bone_motion.plan import Plan
-from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks
-from warp_trunk.case.points import Points
 from warp_trunk.case.uncertainty import Invented
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.parallel import Parallel
@@ -27,15 +23,10 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.result_files import picture_source
 from warp_trunk.io.surface_files import write_surface
-from warp_trunk.measures import measure
-from warp_trunk.measures.body_part import ChestIndices
 from warp_trunk.measures.quantities import Measured
-from warp_trunk.meshing import predicted_skin
 from warp_trunk.results import RunAccount, read_result, read_summary, result_of
 from warp_trunk.results.bands import read_effects, read_skin_sd, write_skin_sd
 from warp_trunk.results.result import LEAST_SPACE, prepare_folder
-from warp_trunk.results.summary import write_summary
-from warp_trunk.results.summary_text import markdown, plain
 
 WHOLE = {
     "landmarks_after.csv", "landmarks_before.csv", "predicted_skin.ply", "sections.npz", "skin_before.ply",
@@ -53,28 +44,6 @@ def simulated():
         precision="float64",
     )
     return case, trunk, model, made_up_increments(trunk)
-
-
-def test_trunk_is_at_rest_with_its_displacement(simulated, tmp_path):
-    _, trunk, _, increments = simulated
-    result_of(*simulated).save(tmp_path)
-    mesh = meshio.read(tmp_path / "trunk.vtu")
-    np.testing.assert_array_equal(mesh.points, trunk.nodes)
-    np.testing.assert_array_equal(mesh.point_data["displacement"], increments[-1].displacement)
-
-
-def test_summary_has_its_keys_and_the_numbers_of_the_run(simulated, tmp_path):
-    _, trunk, _, _ = simulated
-    summary = (
-        result_of(*simulated, run=RunAccount(parameters={"tets": 7}, seconds={"mesh": 1.5, "total": 3.0}))
-        .save(tmp_path)
-        .summary
-    )
-    assert read_summary(tmp_path) == summary
-    assert summary.free_nodes == len(trunk.nodes) - int((trunk.bone >= 0).sum())
-    assert summary.parameters | {"tets": 7, "theta": 10.0, "gravity": 0.0} == summary.parameters
-    assert summary.increments[1].energy == {"distance": 2.0, "area": 4.0, "volume": 6.0, "total": 12.0}
-    assert summary.seconds["relax"] == pytest.approx(0.75)
 
 
 def test_what_is_not_finite_or_missing_is_null_in_json(simulated, tmp_path):
@@ -168,20 +137,6 @@ def folder(simulated, tmp_path):
     return tmp_path
 
 
-def test_all_of_it_comes_back_to_the_last_bit(simulated, folder):
-    case, trunk, _, increments = simulated
-    result = read_result(folder)
-    predicted = predicted_skin(case, trunk, increments[-1].displacement)
-    np.testing.assert_array_equal(result.skin_before.vertices, case.skin.vertices)
-    np.testing.assert_array_equal(result.skin.vertices, predicted.vertices)
-    np.testing.assert_array_equal(result.skin.faces, case.skin.faces)
-    assert result.landmarks_after.names == case.landmarks_after.names
-    np.testing.assert_array_equal(result.landmarks_before.points, case.landmarks_before.points)
-    np.testing.assert_array_equal(result.landmarks_after.points, case.landmarks_after.points)
-    assert result.summary.case == "small"
-    assert result.actual_skin is None
-
-
 def test_files_of_two_simulations_are_refused(simulated, folder):
     case = simulated[0]
     write_surface(folder / "predicted_skin.ply", Surface(case.skin.vertices, case.skin.faces[:-1]))
@@ -208,9 +163,23 @@ def test_every_measure_comes_back_from_the_folder(tmp_path, seen):
     for made, read in ((result.measures_before, back.measures_before), (result.measures, back.measures)):
         for field in fields(made):
             same(getattr(made, field.name), getattr(read, field.name), field.name)
-    assert back.table.rows == result.table.rows
+    assert read_summary(tmp_path) == result.summary
+    assert result.summary.seconds == {
+        "total": 1.0,
+        **dict.fromkeys(("load", "surface", "mesh", "compile", "record")),
+        "relax": 0.5,
+    }
+    for name in ("skin_before", "skin", "landmarks_before", "landmarks_after"):
+        same_bits(getattr(result, name), getattr(back, name))
+    assert (back.table.rows, back.actual_skin) == (result.table.rows, None)
     assert (back.unseen is None) == seen
     assert bool(back.measures.unseen_humps) != seen
+
+
+def same_bits(made, read):
+    """The arrays of two surfaces or sets of landmarks."""
+    for field in fields(made):
+        np.testing.assert_array_equal(getattr(made, field.name), getattr(read, field.name))
 
 
 def same(made, read, where):
@@ -238,64 +207,6 @@ def test_a_full_disk_is_refused_with_what_a_result_needs(tmp_path, monkeypatch):
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=1_400_000))
     with pytest.raises(InputError, match=f"1 MB are free on this disk; a result needs {LEAST_SPACE / 1e6:.0f} MB"):
         prepare_folder(tmp_path / "out")
-
-
-def test_the_text_for_the_viewer_has_every_level_where_there_is_a_spine(simulated):
-    case, mesh, displacement = known_case()
-    increments = known_increments(displacement, mesh)
-    skin = predicted_skin(case, mesh, increments[-1].displacement)
-    before = measure(case.skin, case.landmarks_before)
-    after = measure(skin, case.planned_landmarks, case.skin)
-    rows = markdown(case, increments[-1], before, after, ["One warning."]).splitlines()
-    table = [[cell.strip() for cell in row.split("|")] for row in rows if "|" in row]
-    cells = {row[1]: row[2:4] for row in table}
-    for level, was in BEFORE.rotations.items():
-        shown = [f"{abs(x):.{0 if abs(x) >= 9.95 else 1}f}" for x in (was, AFTER.rotations[level])]
-        sides = ["right" if x > 0.0 else "left" for x in (was, AFTER.rotations[level])]
-        assert cells[level] == [" ".join(words) for words in zip(shown, sides, strict=True)]
-    assert "**Warning:** One warning." in rows
-    part = simulated[0]
-    nothing = measure(part.skin, NO_LANDMARKS)
-    assert "rotation of the back" not in markdown(part, increments[-1], nothing, nothing, [])
-
-
-def test_points_that_are_followed_have_their_way_and_share(simulated, tmp_path):
-    case, trunk, model, increments = simulated
-    at = case.skin.vertices[0]
-    marks = Landmarks(("tip", "bone"), np.array([at, case.bones["T10"].vertices[0]]))
-    followed = replace(case, points=Points(marks, {"tip": "bone"}))
-    result = result_of(followed, trunk, model, increments[-1:], RunAccount(seconds={"total": 1.0}))
-    result.save(tmp_path)
-    lines = [line for line in plain(read_result(tmp_path)).splitlines() if " moves by " in line]
-    tip, bone = result.summary.points
-    way = np.linalg.norm(increments[-1].displacement[trunk.skin_nodes[0]])
-    assert lines == [
-        f"tip (skin) moves by {way:.1f} mm, {tip.ratio:.2f} of the way of bone",
-        f"bone ({bone.on}) moves by {bone.distance:.1f} mm",
-    ]
-
-
-def test_indices_of_the_chest_are_read_again_and_shown_before_and_as_predicted(simulated, tmp_path):
-    was = ChestIndices(haller=4.0, correction_percent=30.0, sternal_angle_deg=-8.0)
-    will = ChestIndices(haller=2.5, correction_percent=10.0, sternal_angle_deg=5.0)
-    result = result_of(*simulated, run=RunAccount(seconds={"total": 1.0})).save(tmp_path)
-    write_summary(tmp_path / "summary.json", replace(result.summary, chest=(was, will)))
-    assert {
-        "Haller index: 4.0 before, 2.5 predicted",
-        "Correction index [%]: 30.0 before, 10.0 predicted",
-        "External sternal angle [°]: -8.0 before, 5.0 predicted",
-    } <= set(plain(read_result(tmp_path)).splitlines())
-
-
-def test_bands_are_the_predicted_numbers_with_intervals_and_the_status_is_one(simulated):
-    plain = result_of(*simulated)
-    result = result_of(*simulated, run=RunAccount(intervals=small_bands(len(simulated[0].skin.vertices))))
-    assert plain.bands == ()
-    assert {(row.level, row.quantity) for row in result.bands} >= {("T8", "bsr_deg"), ("T4", "hump_mm")}
-    assert {row.state for row in result.bands} == {"predicted"}
-    assert all(row.low is not None and row.high is not None and row.low < row.high for row in result.bands)
-    assert result.status is result.summary.status is RelaxStatus.CONVERGED
-    assert json.loads(json.dumps({"status": result.status})) == {"status": "CONVERGED"}
 
 
 def test_effects_and_deviations_that_are_no_whole_files_are_refused(tmp_path):

@@ -13,6 +13,7 @@ import pytest
 import rerun as rr
 
 from support.asserting import forbid_meshing
+from support.shown import recording_lines
 from support.small_trunk import boned_case, box_mesh
 from warp_trunk.case import Case
 from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
@@ -126,6 +127,9 @@ def test_an_interrupted_run_leaves_its_recording_and_the_next_one_replaces_it(
         simulated(case, out, mesh, Interrupted(3))
     assert {path.name for path in out.iterdir()} == {"recording.partial.rrd"}
     assert find_recording(out) == out / "recording.partial.rrd"
+    assert any(
+        "increment 2" in line or " at 2 " in line for line in recording_lines(out / "recording.partial.rrd")
+    )
     with pytest.raises(InputError):
         read_result(out)
     simulated(case, out, mesh)

@@ -1,126 +1,101 @@
 """Warnings on the console, in the summary and in the report."""
 
+from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from support.asserting import refuses
 from support.known_spine import before_and_after, known_spine
-from support.small_trunk import made_up_increments, small_case
+from support.shown import check_shown
+from support.small_trunk import boned_case, made_up_increments, small_case
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.measures.quantities import Measured, MeasureTable
+from warp_trunk.meshing import MeshOptions
+from warp_trunk.run import simulate as running
 from warp_trunk.run import warnings
-from warp_trunk.run.options import RunOptions
+from warp_trunk.run.options import Execution, RunOptions
 from warp_trunk.run.patient import patient_of
+from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
 from warp_trunk.run.warnings import (
     alignment_warnings,
     curve_warnings,
     ending_warnings,
+    endplate_warnings,
     flexibility_warnings,
     option_warnings,
 )
 
 LAST = made_up_increments(small_case()[1])[-1].relaxation
+STALLED, INVERTED = replace(LAST, status=RelaxStatus.STALLED), replace(LAST, inverted_tets=3)
+LIMIT = replace(LAST, status=RelaxStatus.STEP_LIMIT)
+ENDINGS = {
+    "none": (LAST, [], []),
+    "stalled": (STALLED, [], []),
+    "inverted": (INVERTED, [], []),
+    "one inverted": (replace(LAST, inverted_tets=1), [], []),
+    "inverted at the step limit": (replace(INVERTED, status=RelaxStatus.STEP_LIMIT), [], []),
+    "bones collide": (STALLED, ["bones collide at T8 and T9"], ["the spline folds"]),
+    "the spline folds": (INVERTED, [], ["the spline folds around T8"]),
+    "along the gradient": (replace(LAST, status=RelaxStatus.STOPPED, estimated_error=21.7), [], []),
+    "all steps": (LIMIT, [], []),
+}  # fmt: skip
+NUMBERS: dict[str, tuple[str, str, tuple[float, ...]]] = {
+    "trunk_shift_mm": ("", "predicted", (-20.4, -19.9, 20.0, 20.1)),
+    "kyphosis_deg": ("T5-T12", "predicted", (-3.0, 9.9, 10.0, 40.0, 40.6)),
+    "shoulder_difference_mm": ("", "6", (-7.0, -4.9, 7.0)),
+    "apical_translation_mm": ("T9", "45", (-6.0, -4.9, 6.0)),
+}
+"""Level, the number before in the unit of the quantity, and several numbers predicted."""
 
 
-def test_a_plan_that_enlarges_the_largest_curve_is_warned_of():
+def spine(share: float) -> Landmarks:
+    tilts = {"T1": 28.0, "T5": 30.0, "T12": -30.0, "L5": -28.0}
+    return known_spine(to_left={level: share * tilt for level, tilt in tilts.items()})
+
+
+def warnings_of_all() -> Iterator[str]:
+    for name, ending in ENDINGS.items():
+        yield f"{name}: {ending_warnings(*ending)}"
+    for quantity, (level, was, numbers) in NUMBERS.items():
+        for will in numbers:
+            rows = [Measured("predicted", level, quantity, will)]
+            rows += [] if was == "predicted" else [Measured("before", level, quantity, float(was))]
+            yield f"{quantity} {will}: {alignment_warnings(MeasureTable(rows))}"
     before, after = before_and_after()
-    assert curve_warnings(before, before) == []
     bent = replace(after, points=after.points * [2.0, 1.0, 1.0])
-    (text,) = curve_warnings(before, bent)
-    assert text.startswith("The largest curve of the spine grows, from 40 to ")
-    assert curve_warnings(bent, before) == []
-    assert curve_warnings(before, bent, "bending") == []
+    for pose in ("surgery", "bending"):
+        yield f"larger, after {pose}: {curve_warnings(before, bent, pose)}"
+    yield f"smaller and the same: {curve_warnings(bent, before) + curve_warnings(before, before)}"
+    random = np.random.default_rng(2)
+    rough = replace(before, points=before.points + random.normal(0.0, 1.5, before.points.shape))
+    for name, marks in (("smooth", (before, before)), ("rough", (rough, before)), ("both", (rough, rough))):
+        yield f"endplates {name}: {endplate_warnings(*marks)}"
+    for corrected in (
+        0.4,
+        0.55,
+        0.8,
+    ):  # the curve of 60 degrees bends out to a half, and 5 degrees are not measured
+        films = {"bending_left": spine(0.5), "bending_right": spine(1.0)}
+        case = replace(small_case()[0], landmarks_before=spine(1.0), landmarks_after=spine(1.0 - corrected))
+        bent_out = flexibility_warnings(replace(case, **films))
+        yield f"corrected by {corrected}: {bent_out + flexibility_warnings(case)}"
+    for tissue, gravity in (
+        (Tissue(), 0.0),
+        (Tissue(youngs_modulus=130.0, density=1090.0), 9.81),
+        (Tissue(density=1.0, youngs_modulus=501.0), 981.0),
+    ):
+        yield f"{tissue.density} {gravity}: {option_warnings([tissue, tissue], gravity)}"
 
 
-@pytest.mark.parametrize(
-    ("rows", "begins"),
-    [
-        (
-            [("predicted", "", "trunk_shift_mm", -20.4)],
-            "Balance: the top of the spine ends 20 mm left of the sacrum",
-        ),
-        ([("predicted", "", "trunk_shift_mm", 19.6)], None),
-        (
-            [("before", "", "shoulder_difference_mm", 6.0), ("predicted", "", "shoulder_difference_mm", -7.0)],
-            "Shoulders: the higher one changes, from 6.0 mm right to 7.0 mm left.",
-        ),
-        ([("before", "", "shoulder_difference_mm", 6.0), ("predicted", "", "shoulder_difference_mm", -4.0)], None),
-        (
-            [("before", "T9", "apical_translation_mm", 45.0), ("predicted", "T9", "apical_translation_mm", -6.0)],
-            "Apex T9: goes across the midline, from 45 mm right to 6.0 mm left.",
-        ),
-        (
-            [("before", "T9", "apical_translation_mm", 45.0), ("predicted", "T9", "apical_translation_mm", 6.0)],
-            None,
-        ),
-        (
-            [("predicted", "T5-T12", "kyphosis_deg", 9.0)],
-            "Kyphosis T5 to T12: ends at 9 degrees, 10 to 40 is normal.",
-        ),
-        ([("predicted", "T5-T12", "kyphosis_deg", 41.0)], "Kyphosis T5 to T12: ends at 41 degrees"),
-        ([("predicted", "T5-T12", "kyphosis_deg", 40.0)], None),
-    ],
-)
-def test_an_alignment_that_a_surgeon_avoids_is_warned_of(rows, begins):
-    sentences = alignment_warnings(MeasureTable(Measured(*row) for row in rows))
-    assert len(sentences) == (begins is not None)
-    assert all(text.startswith(begins) for text in sentences)
-
-
-@pytest.mark.parametrize(("corrected", "warned"), [(0.4, False), (0.8, True)])
-def test_a_correction_beyond_the_flexibility_of_bends_is_warned_of(corrected, warned):
-    """The curve of 60 degrees bends out to a half; 5 degrees more are not measured otherwise."""
-
-    def spine(share: float) -> Landmarks:
-        tilts = {"T1": 28.0, "T5": 30.0, "T12": -30.0, "L5": -28.0}
-        return known_spine(to_left={level: share * tilt for level, tilt in tilts.items()})
-
-    case = replace(
-        small_case()[0], landmarks_before=spine(1.0), landmarks_after=spine(1.0 - corrected),
-        bending_left=spine(0.5), bending_right=spine(1.0),
-    )  # fmt: skip
-    sentences = flexibility_warnings(case)
-    assert bool(sentences) == warned
-    assert all(text.startswith("Curve T") and "on the films of side bending to" in text for text in sentences)
-    assert flexibility_warnings(replace(case, bending_left=None, bending_right=None)) == []
-
-
-@pytest.mark.parametrize(
-    ("tissue", "gravity", "named"),
-    [
-        (Tissue(), 0.0, []),
-        (Tissue(youngs_modulus=130.0, density=1090.0), 9.81, []),
-        (Tissue(density=1.0), 981.0, ["'density' is 1 kg/m3", "gravity: is 981 m/s^2"]),
-    ],
-)
-def test_constants_that_no_tissue_has_are_warned_of_once(tissue, gravity, named):
-    warnings = option_warnings([tissue, tissue], gravity)
-    assert len(warnings) == len(named)
-    assert all(part in text for part, text in zip(named, warnings, strict=True))
-
-
-@pytest.mark.parametrize("ending", [{"status": RelaxStatus.STALLED}, {"inverted_tets": 3}])
-def test_an_end_that_the_bones_cause_is_not_blamed_on_precision(ending):
-    last = replace(LAST, **ending)
-    (text,) = ending_warnings(last, ["bones collide at T8 and T9"], ["the spline folds"])
-    assert "bones collide at T8 and T9" in text
-    assert "float64" not in text
-    (text,) = ending_warnings(last, [], ["the spline folds around T8"])
-    assert "the spline folds around T8" in text
-    (text,) = ending_warnings(last, [], [])
-    assert ("in float64 neither" in text) == (last.status is RelaxStatus.STALLED)
-
-
-def test_a_relaxation_along_the_gradient_says_how_far_it_ended_and_what_reaches_the_equilibrium():
-    (text,) = ending_warnings(replace(LAST, status=RelaxStatus.STOPPED, estimated_error=21.7), [], [])
-    assert "about 22 mm away; use --method newton" in text
-    (text,) = ending_warnings(replace(LAST, status=RelaxStatus.STEP_LIMIT), [], [])
-    assert "--max-steps, or use --method newton" in text
+def test_what_is_warned_of_and_what_is_not_is_as_accepted() -> None:
+    check_shown("warnings", warnings_of_all())
 
 
 def test_a_case_made_in_code_is_checked_like_one_that_is_read(tmp_path):
@@ -130,15 +105,23 @@ def test_a_case_made_in_code_is_checked_like_one_that_is_read(tmp_path):
         simulate(replace(case, landmarks_before=nowhere), folder=tmp_path / "out")
 
 
-def test_more_than_the_memory_is_refused_before_any_work(monkeypatch, refused, tmp_path):
+def test_more_than_the_memory_is_refused_before_any_work_unless_it_is_asked_for(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case, options = boned_case()[0], RunOptions(mesh=MeshOptions(tets=5_000_000))
+    asked: Any = {"options": options, "warnings": (), "progress": Progress()}
     monkeypatch.setattr(warnings, "usable_memory", lambda: 4.5e9)
-    refused(
-        ["demo", "--tets", "5000000", "--out", tmp_path / "out"],
-        "5000000 tetrahedra need about 5.5 GB of memory and 29 min",
-        "this machine has 4.5 GB; ask for 4000000, or give --yes",
-    )
-    assert not (tmp_path / "out").exists()
-    assert "5.5 GB" in (warnings.check_memory(5_000_000, go_on=True) or "")
+
+    def prepare(*_: Any, **__: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(running, "prepare", prepare)
+    cost = "5000000 tetrahedra need about 5.5 GB of memory and 29 min on two cores"
+    with refuses("this machine has 4.5 GB; ask for 4000000, or give --yes", begins=f"tets: {cost}"):
+        simulate(case, **asked)
+    with pytest.raises(KeyboardInterrupt):  # it goes on
+        simulate(case, **asked, execution=Execution(yes=True, record=False))
+    assert capsys.readouterr().err == f"{cost}\n"
 
 
 def test_the_usual_number_says_nothing(monkeypatch):
@@ -146,10 +129,6 @@ def test_the_usual_number_says_nothing(monkeypatch):
     monkeypatch.setattr(warnings, "usable_memory", lambda: 0.7e9)
     with pytest.raises(InputError, match="ask for 200000"):
         warnings.check_memory(225_000)
-
-
-def test_memory_is_known_here():
-    assert 1e8 < warnings.usable_memory() < 1e14
 
 
 def test_a_patient_is_refused_with_a_constant_that_her_model_does_not_read() -> None:

@@ -1,6 +1,7 @@
 """A calibration over patients: its constants, one case, least squares with priors, and what is refused."""
 
 import json
+import math
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -31,6 +32,7 @@ from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import vertex_normals
+from warp_trunk.io.atomic_write import json_text
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.progress import Progress
 
@@ -426,10 +428,14 @@ class Nearer(ScriptedRounds):
         return CaseFit(residuals=residuals, derivative=derivative, skin_mm=away, bsr_deg=2.0 * away)
 
 
-def test_a_calibration_names_cases_patients_poses_and_what_holding_out_gained(
+def test_a_calibration_of_three_cases_is_as_accepted(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Two cases of one patient and one of another; each is judged with the constant of the other patient."""
+    """Two cases of one patient, best at 1, and one of another, best at 1.2, from log(10) = 2.30.
+
+    The best of all is the mean of cases, 1.067, whose exponential is 2.91. Each is judged with the constant of
+    the other, 0.2 from her best; before it was 1.30 and 1.10.
+    """
     free = (FreeConstant(name="theta", start=10.0),)
     studies = {
         "a": Study(patient="P1", synthetic=True),
@@ -449,32 +455,7 @@ def test_a_calibration_names_cases_patients_poses_and_what_holding_out_gained(
     monkeypatch.setattr(calibrating, "Rounds", of_jobs)
     nobody: Any = None
     calibration = calibrating.calibrate(nobody, jobs, free, Progress(), priors=False)
-    assert (calibration.cases, calibration.patients, calibration.poses) == (
-        ("a", "b", "c"),
-        2,
-        ("bending", "surgery"),
-    )
-    assert (calibration.synthetic, calibration.converged, calibration.left_out) == (2, True, {})
-    (theta,) = calibration.constants
-    counted = rounds[0].asked[0][1]  # the constant as it is counted, at the start
-    assert theta.start == 10.0
-    assert theta.low <= theta.value <= theta.high
-    mean = (1.0 + 1.0 + 1.2) / 3.0
-    assert theta.value == pytest.approx(free[0].value(mean), rel=1e-3)
-    assert [(judged.case, judged.patient) for judged in calibration.held_out] == [
-        ("a", "P1"),
-        ("b", "P1"),
-        ("c", "P2"),
-    ]
-    for judged, alone, own in zip(calibration.held_out, (1.2, 1.2, 1.0), (1.0, 1.0, 1.2), strict=True):
-        assert judged.skin_mm == pytest.approx(abs(alone - own), abs=1e-3)
-        assert judged.skin_before_mm == pytest.approx(abs(counted - own), abs=1e-6)
-        assert judged.bsr_deg == pytest.approx(2.0 * judged.skin_mm)
-        assert judged.bsr_before_deg == pytest.approx(2.0 * judged.skin_before_mm)
-        assert judged.constants == {"theta": pytest.approx(free[0].value(alone), rel=1e-3)}
-    gains = {"P1": abs(counted - 1.0) - 0.2, "P2": abs(counted - 1.2) - 0.2}
-    assert not_none(calibration.held_out_gain_mm).mean == pytest.approx(np.mean([*gains.values()]), abs=1e-3)
-    assert calibration.skin_before_mm == pytest.approx(
-        np.mean([abs(counted - x) for x in (1.0, 1.0, 1.2)]), abs=1e-6
-    )
-    assert calibration.skin_mm == pytest.approx(np.mean([abs(mean - x) for x in (1.0, 1.0, 1.2)]), abs=1e-3)
+    assert {round(x, 6) for _, x in rounds[0].asked[:3]} == {
+        round(math.log(10.0), 6)
+    }  # as it is counted, at the start
+    check_shown("calibrated", record_lines(json.loads(json_text(calibration)), "calibration"))
