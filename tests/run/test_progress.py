@@ -1,4 +1,4 @@
-"""What a run shows while it goes on: a line for each stage in a log, bars on a terminal."""
+"""Lines and bars that a run shows while it goes on."""
 
 import io
 import re

@@ -83,8 +83,8 @@ def test_the_files_the_page_and_the_console_are_as_accepted(
     files = {ending: (tmp_path / f"tissue.{ending}").read_text(encoding="utf-8") for ending in ("toml", "json")}
     record = record_lines(json.loads(files["json"]), "record")
     check_shown(name, [*page_lines(page), calibration_text(calibration), files["toml"], *record])
-    found = {constant.name: constant.value for constant in calibration.constants}
-    assert read_tissue_file(tmp_path / "tissue.toml") == found
+    constants = {constant.name: constant.value for constant in calibration.constants}
+    assert read_tissue_file(tmp_path / "tissue.toml") == constants
 
 
 def test_what_is_believed_is_that_of_bands() -> None:
