@@ -14,8 +14,9 @@ from support.shown import check_shown, described
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures import TrunkMeasures, compare_skins, measure
+from warp_trunk.measures import TrunkMeasures, compare_skins, measure, measure_back
 from warp_trunk.measures.comparison import SkinComparison, comparison_rows
+from warp_trunk.measures.measures import measure_spine
 from warp_trunk.measures.number_text import value_text
 from warp_trunk.measures.quantities import QUANTITIES, Measured, MeasureTable, measured
 from warp_trunk.measures.rows import (
@@ -153,6 +154,17 @@ def absent(measures: TrunkMeasures, reference: TrunkMeasures) -> Iterator[str]:
         elif at:
             yield f"no {key}"
     yield f"movement {measures.skin_change_max}, {measures.skin_change_mean}"
+
+
+def test_a_curved_back_by_a_line_of_bodies_is_as_accepted() -> None:
+    """Of the phantom, whose vertebrae are taken to turn with its curve."""
+    case = whole_phantom()
+    marks, bodies = case.landmarks_before, measure_spine(case.landmarks_before).spine.centroids
+    spines = marks.points[[marks.index("asis_left"), marks.index("asis_right")]]
+    markers = Landmarks(("C7", "ASIS_left", "ASIS_right"), np.vstack([bodies[0] + [0.0, 40.0, 12.0], spines]))
+    back = measure_back(case.skin, bodies, markers)
+    places = (f"{level} at {described(not_none(at).spinous)}" for level, at in back.levels.items())
+    check_shown("line_of_bodies", [back.text(), *places])
 
 
 def test_places_of_stretched_and_folded_skin_are_as_accepted() -> None:

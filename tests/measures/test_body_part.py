@@ -7,7 +7,7 @@ from support.asserting import not_none
 from support.meshes import block
 from support.synthetic import box
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures.body_part import chest_indices, profile, tissue_volume_change
+from warp_trunk.measures.body_part import chest_indices, is_of_chest, profile, tissue_volume_change
 
 BONES = {
     "T8": box((30.0, 30.0, 160.0), (0.0, 50.0, 0.0), splits=3),
@@ -49,22 +49,20 @@ FACE = {
 }
 
 
-def test_angles_and_distances_of_a_face_of_right_angles():
+def test_angles_and_distances_of_a_face():
+    """Of right angles, with a vertical line at y = -20; with a chin further back the line leans by 45 degrees."""
     angles = profile(FACE)
-    assert angles["Nasolabial angle [°]"] == pytest.approx(90.0)
-    assert angles["Mentolabial angle [°]"] == pytest.approx(90.0)
-    assert angles["upper_lip in front of the E-line [mm]"] == pytest.approx(-20.0)  # a vertical line at y = -20
-    assert angles["lower_lip in front of the E-line [mm]"] == pytest.approx(-17.0)
+    assert angles["Nasolabial angle [°]"] == angles["Mentolabial angle [°]"] == pytest.approx(90.0)
+    leaning = profile({**FACE, "chin": np.array([5.0, 33.0, -13.0])})
+    for lip, before in (("upper_lip", -20.0), ("lower_lip", -17.0)):
+        name, (_, y, z) = f"{lip} in front of the E-line [mm]", FACE[lip]
+        assert angles[name] == pytest.approx(before)
+        assert leaning[name] == pytest.approx((-(y + 20.0) - (z - 40.0)) / 2.0**0.5)
 
 
-def test_the_line_leans_with_the_chin_and_sides_do_not_count():
-    leaning = {**FACE, "chin": np.array([5.0, 33.0, -13.0])}  # 45 degrees
-    for lip in ("upper_lip", "lower_lip"):
-        _, y, z = FACE[lip]
-        towards_front = -(y + 20.0) - (z - 40.0)
-        assert profile(leaning)[f"{lip} in front of the E-line [mm]"] == pytest.approx(
-            towards_front / np.sqrt(2.0)
-        )
+def test_a_chest_depends_on_its_wall_and_its_vertebrae() -> None:
+    names = ("T8", "rib_left_06", "costal_cartilage_right_06", "sternum", "L1", "C7", "scapula_left", "mandible")
+    assert [is_of_chest(name) for name in names] == 4 * [True] + 4 * [False]
 
 
 def test_stretch_grows_the_volume_by_its_product():

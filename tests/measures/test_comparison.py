@@ -120,7 +120,7 @@ def test_areas_are_those_of_their_part_of_a_cylinder():
         assert area == pytest.approx(RADIUS * math.radians(60.0) * (high - low), rel=0.03)
 
 
-def test_left_is_left_of_the_spine_as_it_runs():
+def test_left_is_left_of_the_spine_as_it_runs_and_a_lone_vertebra_reaches_15_mm():
     """A spine that leans from 60 mm left at the bottom to 60 mm right at the top parts the back there."""
     skin = tube(ellipse(360, RADIUS, RADIUS), rows=40)
     leaning = spine({"T1": 390.0, "L5": 10.0}, (0.0, 20.0))
@@ -128,6 +128,8 @@ def test_left_is_left_of_the_spine_as_it_runs():
     left = regions_of(skin, leaning).to_left
     line = 60.0 - 120.0 * (np.clip(skin.vertices[:, 2], 10.0, 390.0) - 10.0) / 380.0
     assert np.array_equal(left, skin.vertices[:, 0] > line)
+    near = regions_of(skin, spine({"T8": 200.0})).band >= 0
+    assert np.array_equal(near, np.abs(skin.vertices[:, 2] - 200.0) <= 15.0)
 
 
 MARKS = Landmarks(

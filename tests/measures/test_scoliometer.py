@@ -6,26 +6,15 @@ import numpy as np
 import pytest
 
 from support.asserting import not_none
-from support.known_spine import known_spine
 from support.phantoms import whole_phantom
-from support.trunk_shapes import ellipse, flat_back, rotation, spine, tube
+from support.trunk_shapes import ellipse, flat_back
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.measures import measure, measure_back
 from warp_trunk.measures.quantities import Measured, MeasureTable
 from warp_trunk.measures.scoliometer import forward_bend, scoliometer_on, slope_between
 from warp_trunk.report.sentences import bent
-from warp_trunk.spine.cobb import disc_angles_of, tilts_of
-from warp_trunk.spine.spine import spine_of
 
 ACROSS = np.array([1.0, 0.0])
-
-
-@pytest.mark.parametrize("degrees", [-12.0, 5.0])
-def test_the_slope_of_a_flat_back_is_its_turn(degrees: float) -> None:
-    """Counterclockwise the left side goes back, which is negative."""
-    skin = tube(flat_back() @ rotation(degrees).T)
-    measures = measure(skin, spine({"T8": 200.0, "L2": 100.0}))
-    assert [measures.slopes[level] for level in ("T8", "L2")] == pytest.approx([-degrees, -degrees], abs=1e-9)
 
 
 def test_thoracic_points_lie_45_mm_beside_the_spine_and_lumbar_ones_35() -> None:
@@ -58,15 +47,6 @@ def test_the_forward_bend_is_the_standing_slope_and_beside_it_that_of_three_leve
     standing = {"T8": 1.0, "T9": 2.0, "T10": 4.0, "T11": 9.0, "T12": 8.0, "L1": 5.0, "L2": 2.0, "L3": None}
     assert forward_bend(standing) == {"T9": 5.0, "T10": 7.0, "T11": 9.0, "T12": 8.0, "L1": 5.0, "L2": 2.0}
     assert forward_bend(standing | {"L2": None})["L1"] is None
-
-
-def test_tilts_are_those_of_the_axes_and_discs_their_differences() -> None:
-    tilts = tilts_of(spine_of(known_spine(to_left={"T1": 6.0, "T2": -8.0, "L5": -8.0})))
-    assert [tilts[level] for level in ("T1", "T2", "L4")] == pytest.approx([-6.0, 8.0, 8.0])
-    discs = disc_angles_of(tilts)
-    assert discs["T1"] == pytest.approx(-14.0)
-    assert discs["L3"] == pytest.approx(0.0, abs=1e-9)
-    assert "L5" not in discs
 
 
 def test_trunk_length_is_the_height_of_t1_over_the_iliac_spines() -> None:

@@ -180,7 +180,8 @@ def profile(places: Mapping[str, np.ndarray]) -> dict[str, float]:
             a, b = first - corner, last - corner
             sizes[name] = math.degrees(math.atan2(float(np.linalg.norm(np.cross(a, b))), float(a @ b)))
     if places.keys() >= set(LINE):
-        (_, back, up), tip = places[LINE[1]] - places[LINE[0]], places[LINE[0]]
+        tip, chin = (places[name] for name in LINE)
+        _, back, up = chin - tip
         for lip in {"upper_lip", "lower_lip"} & places.keys():
             _, behind, above = places[lip] - tip
             sizes[f"{lip} in front of the E-line [mm]"] = float(behind * up - above * back) / math.hypot(back, up)
