@@ -25,11 +25,11 @@ def visit_kernel(items: Items, step: int, visits: wp.array2d(dtype=wp.int32)):
         visits[items.slab, i] = visits[items.slab, i] + step
 
 
-def visits(threads: int, size: int, bounds: np.ndarray | None = None, least: int = 1) -> np.ndarray:
+def visits(threads: int, size: int, least: int = 1) -> np.ndarray:
     """How often each range visited each item after two launches."""
     parallel = Parallel("cpu", threads, least_split=least)
     out = wp.zeros((threads, max(size, 1)), dtype=wp.int32, device="cpu")
-    launch = parallel.record(visit_kernel, size if bounds is None else bounds, [3], [out])
+    launch = parallel.record(visit_kernel, size, [3], [out])
     launch()
     launch()
     return out.numpy()[:, :size]
@@ -42,6 +42,9 @@ def test_every_item_once_by_one_range(threads: int, size: int) -> None:
     assert (seen.sum(axis=0) == 6).all()
     assert ((seen > 0).sum(axis=0) == 1).all()
     assert np.ptp((seen > 0).sum(axis=1)) <= 1
+    unsplit = visits(threads, size, least=size + 1)  # waking a thread costs more than it saves
+    assert (unsplit[0] == 6).all()
+    assert not unsplit[1:].any()
 
 
 @wp.kernel(enable_backward=False)

@@ -2,54 +2,21 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import fields, replace
-from itertools import combinations, pairwise
+from itertools import pairwise
 
 import meshio
 import numpy as np
 import pytest
 
-from support.meshes import block_with_bone, single_tet
 from support.small_trunk import small_trunk
 from warp_trunk.engine.ordering import bisect
 from warp_trunk.engine.topology import (
-    EDGES,
-    FACES,
-    Edges,
-    edges_shared,
-    faces_shared,
     find_pieces,
 )
 from warp_trunk.engine.trunk_mesh import check_trunk, tet_volumes
 from warp_trunk.errors import InputError
 from warp_trunk.io.trunk_file import read_trunk, write_trunk
-
-MESHES = {
-    "bone inside": block_with_bone((3, 3, 3), holes=((1, 1, 1),)).tets,
-    "single": single_tet().tets,
-    "a fan": np.array([[0, 1, k, k + 1] for k in range(2, 80)]),
-}
-
-
-def shuffled(tets: np.ndarray) -> np.ndarray:
-    """The same with other numbers for nodes, and with tetrahedra and corners in another order."""
-    rng = np.random.default_rng(3)
-    number = rng.permutation(int(tets.max()) + 1)
-    return rng.permuted(number[tets], axis=1)[rng.permutation(len(tets))]
-
-
-@pytest.mark.parametrize("name", MESHES)
-def test_edges_and_faces_are_counted_and_renumbered(name: str) -> None:
-    tets = shuffled(MESHES[name])
-    for part, size, computed in ((EDGES, 2, edges_shared(tets)), (FACES, 3, faces_shared(tets))):
-        count = Counter(each for tet in tets.tolist() for each in combinations(sorted(tet), size))
-        expected = [[count[tuple(sorted(tet[part[k]].tolist()))] for k in range(len(part))] for tet in tets]
-        np.testing.assert_array_equal(computed, expected)
-    number = np.random.default_rng(1).permutation(int(tets.max()) + 1)
-    edges, expected = Edges.among(tets).renumbered(number), Edges.among(number[tets])
-    for field in fields(Edges):
-        np.testing.assert_array_equal(getattr(edges, field.name), getattr(expected, field.name))
 
 
 def test_pieces_have_the_number_of_their_lowest_node() -> None:

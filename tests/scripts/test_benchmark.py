@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from benchmarking.curves import curve
 from benchmarking.outside import OUTSIDE
-from benchmarking.prepare import as_simulated
 from benchmarking.problem import Problem, read_problem, solve_truth, write_problem
 from benchmarking.record import Record, Setting, read_records, write_records
 from benchmarking.scaling import measure_size, size_table
@@ -21,9 +20,7 @@ from benchmarking.tables import replaced, short_table
 from support.asserting import not_none
 from support.meshes import turned_about_z
 from support.small_trunk import small_case
-from warp_trunk import InputError, RunOptions
-from warp_trunk.run.options import SKIN_RIGIDITY, Execution
-from warp_trunk.run.prediction import prepare
+from warp_trunk import InputError
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 
@@ -138,25 +135,3 @@ def test_run_needs_numpy_scipy_and_warp_alone(tmp_path: Path) -> None:
     assert "| newton | spline | papers' | 1 thread | float32 |" in done.stdout
     refused = [sys.executable, "-c", "import trimesh"]
     assert subprocess.run(refused, capture_output=True, env=environment).returncode != 0
-
-
-@pytest.mark.slow
-def test_a_problem_of_bones_that_follow(tmp_path: Path) -> None:
-    """It comes back with their path and the skin, and ends where the simulation of the case does."""
-    case, trunk = small_case()
-    options = RunOptions(precision="float64")
-    made = as_simulated(problem(), case, options)
-    assert (made.energy, made.skin_rigidity) == ("neo-hookean", SKIN_RIGIDITY)
-    write_problem(tmp_path / "problem.npz", replace(made, truth=solve_truth(made)))
-    back = read_problem(tmp_path / "problem.npz")
-    assert back.bone_path().rigid_bones is not None
-    for load_factor in (0.3, 1.0):
-        np.testing.assert_array_equal(back.bone_path().at(load_factor), made.bone_path().at(load_factor))
-    last = prepare(case, options, trunk, execution=Execution(device="cpu", threads=1)).relax().last
-    assert back.errors(last.displacement).max_error_mm < 0.01
-    setting = Setting(
-        method="newton", threads=1, precision="float64", device="cpu", energy=back.energy, bones="follow"
-    )
-    records = list(curve(back, setting, limit=100.0, repeats=1))
-    assert records[-1].max_error_mm < 1e-3
-    assert "| newton | follow | neo-Hookean |" in short_table(records)

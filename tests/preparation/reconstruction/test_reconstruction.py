@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from support.biplanar import biplanar, projection_matrix
+from support.shown import check_shown
 from support.synthetic import sphere
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
@@ -74,34 +75,24 @@ def behind(pa: Film, lateral: Film, landmarks: Landmarks) -> tuple[Film, Film]:
 
 
 PAIR = "L3_left_pedicle_superior", "L3_right_pedicle_superior"
-FAULTS: dict[str, tuple[Callable[[Film, Film, Landmarks], tuple[Film, Film]], str]] = {
-    "swapped": (
-        lambda a, b, _: (a, swapped(b, "T4_superior_endplate", "L2_left_pedicle_superior")),
-        "'T4_superior_endplate' and 'L2_left_pedicle_superior' look swapped",
-    ),
-    "mismatched": (
-        lambda a, b, _: (a, changed(b, T9_inferior_endplate=[0.0, 40.0])),
-        r"'T9_inferior_endplate' cannot be the same .* miss by \d+\.\d where 5",
-    ),
-    "left and right": (
-        lambda a, b, _: (swapped(a, *PAIR), b),
-        "'L3_left_pedicle_superior' must lie to the left of 'L3_right",
-    ),
-    "behind the source": (behind, r"pa\.csv: 'T6_superior_endplate' would lie behind the source"),
-    "on one film only": (
-        lambda a, b, _: (a, replace(b, names=b.names[:-1], points=b.points[:-1])),
-        r"lateral\.csv: '.*' is missing, which pa\.csv has",
-    ),
-    "from one side": (lambda a, b, _: (a, replace(a, view="again.csv")), r"rays of '.*' are parallel"),
-    "of one source": (lambda a, b, _: (a, replace(b, projection=a.projection)), "meet in a source"),
+FAULTS: dict[str, Callable[[Film, Film, Landmarks], tuple[Film, Film]]] = {
+    "swapped": lambda a, b, _: (a, swapped(b, "T4_superior_endplate", "L2_left_pedicle_superior")),
+    "mismatched": lambda a, b, _: (a, changed(b, T9_inferior_endplate=[0.0, 40.0])),
+    "left and right": lambda a, b, _: (swapped(a, *PAIR), b),
+    "behind the source": behind,
+    "on one film only": lambda a, b, _: (a, replace(b, names=b.names[:-1], points=b.points[:-1])),
+    "from one side": lambda a, b, _: (a, replace(a, view="again.csv")),
+    "of one source": lambda a, b, _: (a, replace(b, projection=a.projection)),
 }
 
 
-@pytest.mark.parametrize("fault", FAULTS)
-def test_films_that_do_not_fit_are_refused(landmarks, fault: str) -> None:
-    change, says = FAULTS[fault]
-    with pytest.raises(InputError, match=says):
-        triangulate(*change(*biplanar(landmarks), landmarks))
+def test_films_that_do_not_fit_are_refused_as_accepted(landmarks) -> None:
+    shown = []
+    for fault, change in FAULTS.items():
+        with pytest.raises(InputError) as error:
+            triangulate(*change(*biplanar(landmarks), landmarks))
+        shown.append(f"{fault}: {error.value}")
+    check_shown("refused_films", shown)
 
 
 TURN = Rotation.from_rotvec([0.3, -0.2, 0.9])

@@ -1,7 +1,5 @@
 """Scans closed and cut: the phantom, and the fit, the winding field and volumes in closed form."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial import Delaunay
@@ -86,24 +84,6 @@ def test_one_skin_with_a_hole_and_no_noise(phantom):
     off = distance(centres(closed.surface), phantom)
     sides = (centres(closed.surface)[:, 2] > 15.0) & (centres(closed.surface)[:, 2] < 465.0)
     assert off[sides].mean() < 0.25
-
-
-@pytest.mark.slow
-def test_cuts_asked_for(phantom):
-    scans = scan(phantom, unseen=flat_ends(phantom), fraction=0.0, noise=0.0)
-    cuts = [CutPlane((0.0, 0.0, 400.0), (0.0, 0.0, 1.0)), CutPlane((0.0, 0.0, 60.0), (0.0, 0.0, -1.0))]
-    parts = {
-        name: replace(part, colours=np.rint(0.4 * part.vertices[:, [2, 2, 2]]).clip(0, 255).astype(np.uint8))
-        for name, part in scans.parts.items()
-    }
-    closed = close_skin(parts, cuts, OPTIONS)
-    check_closed(closed.surface)
-    z = closed.surface.vertices[:, 2]
-    assert closed.surface.colours is not None
-    seen = (z > 61.0) & (z < 399.0)  # not the flat ends
-    assert np.abs(closed.surface.colours[seen, 0] - 0.4 * z[seen]).max() < 4.0
-    assert (z.min(), z.max()) == pytest.approx((60.0, 400.0), abs=0.3)
-    assert (np.abs(z - 400.0) < 1e-6).sum() > 50
 
 
 @pytest.mark.parametrize("isotropic", [False, True])
