@@ -219,6 +219,8 @@ def test_vessels_in_the_fat_do_not_end_it_and_muscles_do():
         thickness, measured = fat_thickness(SKIN, fat, muscle, ())
         assert measured.all()
         assert np.abs(thickness - wanted).mean() < 1.1
+    deep = made.mask((outer < OUTER - 12.0) & (inner > INNER))  # no fat under the skin
+    assert not fat_thickness(SKIN, deep, None, ())[0].any()
 
 
 def test_nothing_is_measured_on_a_flat_end_or_where_no_mask_reaches():

@@ -1,5 +1,7 @@
 """Scans closed and cut: the phantom, and the fit, the winding field and volumes in closed form."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial import Delaunay
@@ -74,16 +76,27 @@ def test_noisy_views_with_holes_become_the_trunk(phantom):
     assert off[hole].mean() < PAPER
 
 
-def test_one_skin_with_a_hole_and_no_noise(phantom):
+def test_one_skin_with_a_hole_and_no_noise_is_closed_cut_and_coloured(phantom):
     scans = scan(phantom, views=1, fraction=0.02, count=1, noise=0.0, seed=8)
-    closed = close_skin(scans.parts, (), CloseOptions(edge_length=14.0, smoothing=2.0))
-    check_closed(closed.surface)
+    parts = {
+        name: replace(part, colours=np.rint(0.4 * part.vertices[:, [2, 2, 2]]).clip(0, 255).astype(np.uint8))
+        for name, part in scans.parts.items()
+    }
+    cut = CutPlane((0.0, 0.0, 500.0), (0.0, 0.0, 1.0))
+    closed = close_skin(parts, [cut], CloseOptions(edge_length=14.0, smoothing=2.0))
+    skin = closed.surface
+    check_closed(skin)
     assert [o.is_end for o in closed.openings] == [False]
     gone = np.linalg.norm(vertex_areas(Surface(phantom.vertices, phantom.faces[scans.removed])), axis=1).sum()
     assert closed.openings[0].area == pytest.approx(gone, rel=0.4)  # without the margin
-    off = distance(centres(closed.surface), phantom)
-    sides = (centres(closed.surface)[:, 2] > 15.0) & (centres(closed.surface)[:, 2] < 465.0)
-    assert off[sides].mean() < 0.25
+    z = skin.vertices[:, 2]
+    assert z.max() == pytest.approx(500.0, abs=0.3)
+    assert (np.abs(z - 500.0) < 1e-6).sum() > 30
+    sides = (centres(skin)[:, 2] > 15.0) & (centres(skin)[:, 2] < 465.0)
+    assert distance(centres(skin), phantom)[sides].mean() < 0.25
+    assert skin.colours is not None
+    seen = (z > 15.0) & (z < 465.0) & (distance(skin.vertices, next(iter(parts.values()))) < 1.0)
+    assert np.abs(skin.colours[seen, 0] - 0.4 * z[seen]).max() < 4.0
 
 
 @pytest.mark.parametrize("isotropic", [False, True])
