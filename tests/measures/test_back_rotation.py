@@ -130,21 +130,6 @@ def test_the_rotation_is_that_against_the_pelvis_without_the_arms(pelvis):
     assert tangent.angle == pytest.approx(straight.angle - (8.0 - pelvis), abs=1e-6)
 
 
-@pytest.mark.parametrize("seed", range(8))
-def test_no_point_of_a_rough_back_lies_behind_its_tangent(seed):
-    """A random outline whose two prominences are further apart than the span: a line of support."""
-    random = np.random.default_rng(seed)
-    outline = grooved(300, width=35.0) * random.uniform(0.98, 1.02, (300, 1))
-    turn = rotation(random.uniform(-20.0, 20.0))
-    outline = outline @ turn.T
-    tangent = not_none(find_contacts(outline, turn @ SPINE, LEFT)).points
-    left, right = tangent
-    assert max(np.linalg.norm(outline - point, axis=1).min() for point in (left, right)) < 1e-9
-    along = left - right
-    behind = along[0] * (outline[:, 1] - right[1]) - along[1] * (outline[:, 0] - right[0])
-    assert behind.max() <= 1e-9 * np.hypot(*along)
-
-
 def test_missing_or_coincident_asis_is_named():
     landmarks = spine({"T8": 200.0})
     with pytest.raises(InputError, match="asis_left"):
