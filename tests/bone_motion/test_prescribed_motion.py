@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from support.meshes import trunk
-from support.synthetic import shell_trunk
+from support.meshes import block_with_bone, trunk
 from warp_trunk.bone_motion.prescribed_motion import (
     PrescribedMotion,
     colliding_bones,
@@ -37,12 +36,13 @@ def test_carries_landmarks_straight() -> None:
 
 @pytest.fixture(scope="module")
 def jointed():
-    """Two spheres that touch, so that they share one surface, and a motion for each."""
+    """Two bones in a block, and a motion for each."""
     motions = {
         "upper": RigidMotion.exp(np.array([0.1, 0.9, -0.3, 6.0, -2.0, 1.0])),
         "lower": RigidMotion.identity(),
     }
-    return shell_trunk(), motions
+    two = block_with_bone((5, 5, 5), 8.0, holes=((2, 2, 1), (2, 2, 3)))
+    return replace(two, bone_names=tuple(motions)), motions
 
 
 def test_rigid_bones_keep_their_shape_at_every_increment(jointed) -> None:

@@ -57,7 +57,7 @@ def test_concentric_spheres_are_their_radii_apart(radius, expected):
 
 def test_necks_and_thighs_cut_elsewhere_do_not_count():
     """The actual skin ends 20 mm below the top level and 15 mm above the lowest."""
-    _, statistics = compared(tube(ellipse(), rows=80), tube(ellipse(), 65.0, 330.0, rows=53))
+    _, statistics = compared(tube(ellipse(120), rows=80), tube(ellipse(120), 65.0, 330.0, rows=53))
     for region in ("back", "front", "lumbar, back left", "upper thoracic, flank right"):
         far = not_none(statistics[region])
         assert far.symmetric_maximum < 1.0
@@ -66,7 +66,7 @@ def test_necks_and_thighs_cut_elsewhere_do_not_count():
 
 def test_arms_cut_off_spoil_the_flanks_only():
     """The sides of an ellipse cut off flat at x = 142 mm, where it faces 27 degrees from sideways."""
-    whole = tube(ellipse(), rows=40)
+    whole = tube(ellipse(180), rows=40)
     cut = Surface(np.clip(whole.vertices, [-142.0, -1e3, -1e3], [142.0, 1e3, 1e3]), whole.faces)
     _, statistics = compared(cut, whole)
     back, front, flanks = (not_none(statistics[region]) for region in ("back", "front", "flanks"))
