@@ -25,10 +25,12 @@ from support.known_patient import (
     AFTER,
     BEFORE,
     PLAN,
+    SD,
     Shape,
     exchange_sides,
     known_case,
     known_increments,
+    known_intervals,
     known_part,
     write_known_result,
 )
@@ -45,10 +47,8 @@ from warp_trunk.cohort import one_case
 from warp_trunk.cohort.summary import errors
 from warp_trunk.io.surface_files import write_surface
 from warp_trunk.measures import measure
-from warp_trunk.measures.measures import measure_level
-from warp_trunk.measures.quantities import BETTER, EXACT, PREDICTED, QUANTITIES, WORSE, Measured
+from warp_trunk.measures.quantities import QUANTITIES
 from warp_trunk.results import read_result
-from warp_trunk.results.bands import Bands, BandSource, Effects, FoundBands
 from warp_trunk.results.summary_text import plain
 from warp_trunk.run.intervals import spine_bands
 from warp_trunk.run.sources import ErrorSource
@@ -64,8 +64,6 @@ SAME_ON_BOTH_SIDES = {
 """Quantities without a side."""
 RATIOS = {"waist_angle_ratio_percent", "waistline_depth_ratio_percent"}
 """Of one side to the other, in percent."""
-SD = 1.5
-"""Of every rotation in the intervals [degrees]."""
 
 
 @dataclass(frozen=True)
@@ -97,48 +95,13 @@ def sided(value: float) -> str:
     return f"{size:.{0 if size >= 9.95 else 1}f} {'right' if value > 0.0 else 'left'}"
 
 
-def intervals_of(sign: float) -> FoundBands:
-    """A standard deviation for each number of the back; 2 mm of the skin at her right are not known."""
-    case, mesh, displacement = known_case(mirrored=sign < 0.0)
-    rows = [
-        Measured.with_sd(state, level, "bsr_deg", sign * angle, SD if state == PREDICTED else SD / 3.0)
-        for state in (PREDICTED, EXACT)
-        for level, angle in AFTER.rotations.items()
-    ]
-    rows += [
-        Measured.with_sd(PREDICTED, "T8", key, sign * AFTER.humps["T8"], 2.0)
-        for key in ("hump_mm", "main_hump_mm")
-    ]
-    skin = case.skin.moved(case.skin.vertices + displacement[mesh.skin_nodes])
-    further = np.outer(sign * skin.vertices[:, 0] < 0.0, [0.0, 2.0, 0.0]) * (skin.vertices[:, 1:2] > 0.0)
-    likely = {
-        state: measure_level(skin.moved(skin.vertices + way * further), case.planned_landmarks, "T8")
-        for state, way in ((BETTER, -1.0), (WORSE, 1.0))
-    }
-    names = np.array([(row.quantity, row.level) for row in rows if row.state == PREDICTED])
-    effects = Effects(
-        names=names,
-        sources=np.array(["amount of correction"]),
-        effects=np.ones((len(names), 1)),
-        landmarks=np.zeros((len(names), 6)),
-        ratio=np.ones(len(names)),
-        likely_worse=further,
-    )
-    source = BandSource(
-        name="landmarks", spread="2 mm", reference="a film", sd={"bsr_deg": {"T8": 1.4}, "hump_mm": {"T8": 0.7}}
-    )
-    nonlinear = (("bsr_deg", "T8"), ("main_hump_mm", "T8"))
-    bands = Bands(sources=(source,), nonlinear=nonlinear, skin_mean_mm=2.0, skin_max_mm=2.0, draws=32)
-    return FoundBands(tuple(rows), bands, np.full(len(case.skin.vertices), 2.0), effects, likely)
-
-
 @pytest.fixture(scope="module")
 def both(tmp_path_factory: pytest.TempPathFactory) -> list[Shown]:
     """The patient and her mirror image with a plan and intervals."""
     reports, folder = [], tmp_path_factory.mktemp("known")
-    for name, sign in (("patient", 1.0), ("mirror", -1.0)):
-        mirrored, words = sign < 0.0, plan_text(PLAN)
-        write_known_result(folder / name, mirrored=mirrored, intervals=intervals_of(sign), plan_text=words)
+    for name, mirrored in (("patient", False), ("mirror", True)):
+        intervals = known_intervals(mirrored=mirrored)
+        write_known_result(folder / name, mirrored=mirrored, intervals=intervals, plan_text=plan_text(PLAN))
         reports.append(shown(folder / name))
     return reports
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from support.known_patient import write_known_result
 from support.known_spine import known_spine
 from support.report_results import write_small_result
 from support.trunk_shapes import posed
@@ -76,7 +77,7 @@ def test_plans_within_the_interval_of_their_difference_are_alike(three):
 
 
 def test_another_patient_a_plan_given_twice_and_too_many_are_refused(tmp_path):
-    first_plan, other = write_small_result(tmp_path / "one"), write_small_result(tmp_path / "other", without="T8")
+    first_plan, other = write_small_result(tmp_path / "one"), write_known_result(tmp_path / "other")
     with pytest.raises(InputError, match=r"other: skin and landmarks before surgery must be those of .*one"):
         write_comparison([read_result(first_plan), read_result(other)])
     with pytest.raises(InputError, match="is given twice"):

@@ -1,6 +1,7 @@
 """Pages for every reader: names and contrasts by axe-core, numbers as cards on a phone, the same place twice."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,8 +11,8 @@ from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from support.axe import violations
 from support.chromium import CHROMIUM, WEBGL, needs_chromium
-from support.report_results import small_bands, write_small_result
-from support.small_trunk import small_case
+from support.known_patient import PLAN, known_intervals, write_known_result
+from warp_trunk.bone_motion.plan import plan_text
 from warp_trunk.report.writing import write_comparison, write_report
 from warp_trunk.results import read_result
 
@@ -31,12 +32,10 @@ def browser() -> Iterator[Browser]:
 def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """A report with intervals and a plan, and the same result twice side by side."""
     folder = tmp_path_factory.mktemp("reading")
-    intervals = small_bands(len(small_case()[0].skin.vertices))
     results = []
     for name in ("a", "b"):
-        write_small_result(folder / name, intervals=intervals)
-        (folder / name / "plan.toml").write_text(f'uiv = "T4"\nliv = "L{1 + len(results)}"\n', encoding="utf-8")
-        results.append(read_result(folder / name))
+        text = plan_text(replace(PLAN, liv=f"L{1 + len(results)}"))
+        results.append(read_result(write_known_result(folder / name, intervals=known_intervals(), plan_text=text)))
     return {"report": write_report(results[0]), "plans": write_comparison(results, folder / "plans")}
 
 

@@ -14,10 +14,9 @@ from PIL import Image
 
 from support.asserting import not_none
 from support.drawn import Page, drawn_figures
-from support.known_patient import PLAN
+from support.known_patient import ACTUAL, PLAN, SD, known_intervals, write_known_result
 from support.known_spine import known_spine
-from support.report_results import small_bands, write_small_result
-from support.small_trunk import small_case
+from support.report_results import write_small_result
 from support.synthetic import box
 from warp_trunk.cli import main
 from warp_trunk.cli.measure import Measure
@@ -222,17 +221,15 @@ def test_options_have_the_units_of_their_records() -> None:
 
 
 def test_measures_say_which_levels_lie_in_their_band(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    result = write_small_result(
-        tmp_path / "result", turn_more=2.0, intervals=small_bands(len(small_case()[0].skin.vertices))
-    )
+    result = write_known_result(tmp_path / "result", actual=ACTUAL, intervals=known_intervals())
     Measure(skin=result, against=result / "actual_skin.ply", out=tmp_path).run()
     said = capsys.readouterr().out
     record = json.loads((tmp_path / "measures.json").read_text(encoding="utf-8"))
     inside, table = record["levels_in_band"], MeasureTable(Measured(**row) for row in record["measures"])
     for level, band in read_result(result).table.column("predicted", "bsr_deg").items():
         actual = table.value("actual", "bsr_deg", level)
-        assert inside[level] == (abs((actual or 0.0) - (band.value or 0.0)) <= 1.96 * 1.5)
-    counted = not_none(re.search(r"in its 95 % band at (\d) of 4 levels", said))
+        assert inside[level] == (abs((actual or 0.0) - (band.value or 0.0)) <= 1.96 * SD)
+    counted = not_none(re.search(r"in its 95 % band at (\d+) of 17 levels", said))
     assert int(counted[1]) == sum(inside.values())
 
 

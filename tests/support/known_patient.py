@@ -27,8 +27,10 @@ from warp_trunk.engine.parallel import Parallel
 from warp_trunk.engine.physics import Physics
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.measures.measures import measure_level
+from warp_trunk.measures.quantities import BETTER, EXACT, PREDICTED, WORSE, Measured
 from warp_trunk.results import RunAccount, result_of
-from warp_trunk.results.bands import FoundBands
+from warp_trunk.results.bands import Bands, BandSource, Effects, FoundBands
 
 WIDTH, DEPTH, TOP, BOTTOM = 150.0, 100.0, 450.0, -110.0
 """Half width and half depth of the trunk, and heights of its ends [mm]."""
@@ -36,6 +38,8 @@ PELVIS = -60.0
 """Height of the iliac spines [mm]."""
 EACH_LEVEL, AROUND = 1, 5
 """Rings between two heights that matter, and points on each edge of a ring."""
+SD = 1.5
+"""Of every rotation in her intervals [degrees]."""
 MIRROR = np.array([-1.0, 1.0, 1.0])
 
 
@@ -206,6 +210,41 @@ def known_part() -> tuple[Case, TrunkMesh, np.ndarray]:
         points=Points(marks, {"tip": "bone"}),
     )
     return part, replace(mesh, bone_names=("sternum",)), displacement
+
+
+def known_intervals(*, mirrored: bool = False) -> FoundBands:
+    """A standard deviation for each number of the back; 2 mm of the skin at her right are not known."""
+    (case, mesh, displacement), sign = known_case(mirrored=mirrored), -1.0 if mirrored else 1.0
+    rows = [
+        Measured.with_sd(state, level, "bsr_deg", sign * angle, SD if state == PREDICTED else SD / 3.0)
+        for state in (PREDICTED, EXACT)
+        for level, angle in AFTER.rotations.items()
+    ]
+    rows += [
+        Measured.with_sd(PREDICTED, "T8", key, sign * AFTER.humps["T8"], 2.0)
+        for key in ("hump_mm", "main_hump_mm")
+    ]
+    skin = case.skin.moved(case.skin.vertices + displacement[mesh.skin_nodes])
+    further = np.outer(sign * skin.vertices[:, 0] < 0.0, [0.0, 2.0, 0.0]) * (skin.vertices[:, 1:2] > 0.0)
+    likely = {
+        state: measure_level(skin.moved(skin.vertices + way * further), case.planned_landmarks, "T8")
+        for state, way in ((BETTER, -1.0), (WORSE, 1.0))
+    }
+    names = np.array([(row.quantity, row.level) for row in rows if row.state == PREDICTED])
+    effects = Effects(
+        names=names,
+        sources=np.array(["amount of correction"]),
+        effects=np.ones((len(names), 1)),
+        landmarks=np.zeros((len(names), 6)),
+        ratio=np.ones(len(names)),
+        likely_worse=further,
+    )
+    source = BandSource(
+        name="landmarks", spread="2 mm", reference="a film", sd={"bsr_deg": {"T8": 1.4}, "hump_mm": {"T8": 0.7}}
+    )
+    nonlinear = (("bsr_deg", "T8"), ("main_hump_mm", "T8"))
+    bands = Bands(sources=(source,), nonlinear=nonlinear, skin_mean_mm=2.0, skin_max_mm=2.0, draws=32)
+    return FoundBands(tuple(rows), bands, np.full(len(case.skin.vertices), 2.0), effects, likely)
 
 
 def write_known_result(
