@@ -13,7 +13,6 @@ from benchmarking.curves import curve
 from benchmarking.outside import OUTSIDE
 from benchmarking.problem import Problem, read_problem, solve_truth, write_problem
 from benchmarking.record import Record, Setting, read_records, write_records
-from benchmarking.scaling import measure_size, size_table
 from benchmarking.scenes import scenes_table
 from benchmarking.tables import replaced, short_table
 
@@ -89,16 +88,6 @@ def test_the_page_shows_what_was_measured() -> None:
     docs = SCRIPTS.parent / "docs"
     page = (docs / "performance.md").read_text(encoding="utf-8")
     assert replaced(page, short_table(read_records(docs / "benchmark.json"))) == page
-
-
-def test_sizes_are_compared_with_the_finest(tmp_path: Path) -> None:
-    write_problem(tmp_path / "problem.npz", problem())
-    setting = Setting(method="newton", threads=1, precision="float32", device="cpu")
-    size = measure_size(tmp_path / "problem.npz", setting)
-    assert size.converged
-    assert np.abs(size.skin.vertices - problem().skin(not_none(problem().truth)).vertices).max() < 2e-3
-    moved = replace(size, skin=replace(size.skin, vertices=size.skin.vertices + np.array([0.0, 0.0, 0.25])))
-    assert "0.25 | 0.25 |" in size_table([size, moved])
 
 
 @pytest.mark.slow

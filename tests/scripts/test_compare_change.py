@@ -7,7 +7,7 @@ from dataclasses import replace
 import compare_change
 import numpy as np
 import pytest
-from compare_change import PLANNED, Change, Part, Row, correlation, lateral_deviation, scattered
+from compare_change import PLANNED, Change, Part, Row, lateral_deviation, scattered
 from processes import in_processes
 
 from support.known_spine import known_spine
@@ -33,11 +33,6 @@ def test_a_row_counts_what_is_judged() -> None:
     near, off = Part("a", "", -6.0, 1.0, PAIRS), Part("b", "", 6.0, 1.0, PAIRS)
     assert Row("curve", "3", (near, replace(off, unjudged=PLANNED)), "").verdict == "within"
     assert Row("curve", "3", (near, off), "").verdict == "beside (1 of 2 within)"
-
-
-def test_correlation_leaves_missing_numbers_out() -> None:
-    pairs = np.array([[0.0, 5.0], [1.0, 3.0], [2.0, 1.0], [math.nan, 9.0]])
-    np.testing.assert_allclose(correlation(pairs), [-1.0])
 
 
 def test_the_lumbar_curve_is_that_below_the_main_one() -> None:

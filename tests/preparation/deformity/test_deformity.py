@@ -10,7 +10,6 @@ from scipy.spatial import KDTree
 
 from support.anatomy import anatomy, anatomy_landmarks
 from support.asserting import not_none
-from support.blocks import known_landmarks, spine_and_hips
 from support.trunk_shapes import joined
 from warp_trunk.case import Case
 from warp_trunk.case.anatomy import VERTEBRAE
@@ -114,22 +113,6 @@ def test_guides_keep_apart_and_carry_the_sternum_rigidly_and_ribs_with_their_ver
         behind = (np.abs(before[:, 0]) > 30.0) & (before[:, 1] > LANDMARKS.of_bone("T8").points[:, 1].mean())
         assert behind.any()
         assert (sign * (after - before)[behind, 1] > 5.0).all()
-
-
-BLOCKS = spine_and_hips()
-
-
-@pytest.mark.slow
-def test_case_holds_the_curve_and_its_correction() -> None:
-    case, straight = make_case(SKIN, BLOCKS, SpineCurve(kind="double_major", cobb=40.0), 0.7), known_landmarks()
-    assert case.name == "double_major 40 degrees, 70 % corrected"
-    assert case.actual_skin is None
-    gone = [
-        max(np.abs(marks.point(name) - straight.point(name)).max() for name in straight.names if "plate" in name)
-        for marks in (case.landmarks_before, case.planned_landmarks)
-    ]
-    assert 0.2 * gone[0] < gone[1] < 0.4 * gone[0]
-    assert np.abs(case.skin.vertices - SKIN.vertices).max() > 10.0
 
 
 @cache

@@ -106,7 +106,6 @@ def write_dicom(folder: Path) -> Path:
 FORMS: dict[str, Callable[[Path], Path]] = {
     "a map": lambda folder: write_map(folder)[0],
     "masks": lambda folder: write_masks(folder / "masks"),
-    "LPS": lambda folder: write_seg_nrrd(folder / "a.seg.nrrd"),
     "RAS": lambda folder: write_seg_nrrd(folder / "a.seg.nrrd", "right-anterior-superior"),
     "DICOM": write_dicom,
 }

@@ -6,10 +6,10 @@ from scipy.spatial import KDTree
 
 from warp_trunk.case import check_case
 from warp_trunk.geometry.distance_field import SurfaceDistance
-from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume
+from warp_trunk.geometry.surface_checks import check_solid, components
 from warp_trunk.preparation.deformity import SpineCurve
 from warp_trunk.preparation.phantom import phantom_case, straight_trunk
-from warp_trunk.preparation.phantom.bones import skeleton, tube
+from warp_trunk.preparation.phantom.bones import skeleton
 from warp_trunk.preparation.phantom.skin import EDGE
 
 
@@ -65,19 +65,3 @@ def test_bones_and_landmarks_are_mirror_images():
         else:
             gap = landmarks.point(name) * [-1.0, 1.0, 1.0] - landmarks.point(mirrored)
         assert np.abs(gap).max() < 1e-12, name
-
-
-def test_a_tube_of_circles_is_a_cylinder_with_cones():
-    z = np.array([0.0, 3.0, 13.0, 16.0])
-    column = np.ones((4, 1))
-    surface = tube(
-        z[:, None] * [0.0, 0.0, 1.0],
-        column * [1.0, 0.0, 0.0],
-        column * [0.0, 1.0, 0.0],
-        np.full(4, 5.0),
-        np.full(4, 5.0),
-        around=100,
-    )
-    check_solid(surface, "tube")
-    # a cylinder of height 10 and two cones of height 3, all of radius 5
-    assert enclosed_volume(surface) == pytest.approx(np.pi * 25.0 * (10.0 + 2.0), rel=1e-3)
