@@ -164,6 +164,7 @@ def test_lines_on_cases_that_are_left_alone_and_on_folders_of_another_kind_are_a
     check_shown("refused_folders", lines)
 
 
+@pytest.mark.filterwarnings("error")  # which tyro gives of a field with a wrong default
 def test_help_is_as_accepted(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """The overview, and every option of every command with its default and unit."""
     monkeypatch.setenv("COLUMNS", "2000")
