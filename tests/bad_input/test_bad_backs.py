@@ -82,7 +82,7 @@ def test_an_open_back_is_not_closed_but_led_to_fit_back(refused, tmp_path):
     skin = straight_trunk()[0]
     behind = (skin.vertices[:, 1] > 0.0)[skin.faces].all(axis=1)
     write_surface(tmp_path / "back.ply", type(skin)(skin.vertices, skin.faces[behind]))
-    words = ["close", str(tmp_path / "back.ply"), "--out", str(tmp_path / "skin.ply")]
+    words = ["close", tmp_path / "back.ply", "--out", tmp_path / "skin.ply"]
     refused(words, "% of the closed skin, mostly its front at", "25 % is the most", "warp-trunk fit-back")
 
 

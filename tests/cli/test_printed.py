@@ -34,15 +34,12 @@ from warp_trunk.case.landmarks import Landmarks, read_landmarks, write_landmarks
 from warp_trunk.case.motions import Motion
 from warp_trunk.cli import doctor, films, import_case, surfaces
 from warp_trunk.cli.back import fused
-from warp_trunk.cli.simulate import crossings_written
 from warp_trunk.cohort import cohort_page
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.tissue import Tissue
-from warp_trunk.errors import InputError
 from warp_trunk.geometry.cutting import CutPlane
 from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.live import opening
-from warp_trunk.meshing import CrossingError
 from warp_trunk.preparation import phantom
 from warp_trunk.preparation.deformity.spine_curve import MeasuredSpine
 from warp_trunk.preparation.phantom import straight_trunk
@@ -414,11 +411,3 @@ def test_what_many_cases_give_is_as_accepted(console: Console, monkeypatch: pyte
     shutil.rmtree("cases/0")
     console.run("calibrate cases --free theta --energy itmsm --out a.toml")
     check_shown("console_cohort", console.lines)
-
-
-def test_triangles_that_cross_are_written_where_the_result_would_be(tmp_path: Path) -> None:
-    surface = sphere(10.0)
-    crossing = pytest.raises(InputError, match=r"look at the triangles that cross in .*crossings\.ply")
-    with crossing, crossings_written(tmp_path / "not" / "yet"):
-        raise CrossingError("they cross", surface, np.array([[0, 1]]))
-    assert len(read_surface(tmp_path / "not" / "yet" / "crossings.ply").faces) == 2
