@@ -75,7 +75,9 @@ def test_nodes_come_in_z_order_and_tetrahedra_by_their_lowest_node(trunk):
         cells = [min(int((x - low) * (2.0**21 / size)), 2**21 - 1) for x, low in zip(point, lower, strict=True)]
         return sum((cell >> bit & 1) << (3 * bit + axis) for axis, cell in enumerate(cells) for bit in range(21))
 
-    far = np.random.default_rng(0).uniform([-300.0, 5.0, 800.0], [-100.0, 60.0, 1500.0], (300, 3))
+    random = np.random.default_rng(0)
+    far = random.uniform([-300.0, 5.0, 800.0], [-100.0, 60.0, 1500.0], (100, 3))
+    far = np.vstack([far, far + random.uniform(0.0, 0.08, far.shape), far + random.uniform(0.0, 0.005, far.shape)])
     for points in (trunk.nodes, far[morton_order(far)]):
         lower = points.min(axis=0).tolist()
         size = float(np.ptp(points, axis=0).max())
