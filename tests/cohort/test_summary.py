@@ -188,7 +188,7 @@ def test_every_sheet_of_a_cohort_names_it_its_day_and_its_numbers(tmp_path: Path
     """The fingerprint changes with any number, and stays without a change."""
     (tmp_path / "study").mkdir()
     sheets = []
-    for rows in (ROWS, ROWS, [replace(ROWS[0], measures=ROWS[0].measures[1:]), *ROWS[1:]]):
+    for rows in (ROWS[2:3], ROWS[2:3], [replace(ROWS[2], measures=ROWS[2].measures[1:])]):
         write_cohort(tmp_path / "study", rows)
         page = (tmp_path / "study" / "cohort.html").read_text(encoding="utf-8")
         (sheet,) = re.findall(r'@bottom-left \{ content: "([^"]*)"', page)

@@ -197,3 +197,8 @@ def test_kernels_are_compiled_once_on_each_host() -> None:
     )
     working._warm_each_host(client, cohort_options())
     assert [named["workers"] for named in asked] == [["tcp://a:1", "tcp://b:1"]]
+
+
+def test_as_many_processes_are_started_as_asked_for_or_as_there_are_gpus_or_as_fit() -> None:
+    assert [working.choose_workers(*asked) for asked in ((3, []), (3, ["0", "1"]), (0, ["0", "1"]))] == [3, 3, 2]
+    assert 1 <= working.choose_workers(0, []) <= max(1, psutil.virtual_memory().total // 4e9)

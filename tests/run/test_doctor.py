@@ -18,17 +18,17 @@ from warp_trunk.cli import main
 from warp_trunk.run import doctor
 
 
+NEEDED = {"numpy": "2", "warp-lang": "1.8", "scipy": "1.15", "rich": "14", "tyro": "1"}
+
+
 @pytest.fixture
 def machine(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Another machine than this one: its parts, a display, an old SciPy, and no NumPy."""
     disk = shutil.disk_usage(tmp_path)._replace(free=5_400_000_000)
     site = SimpleNamespace(locate_file=lambda _: tmp_path / "site")
     parts: dict[str, Any] = {
-        "versions": lambda: {"python": "3.12.1", "numpy": None, "scipy": "1.2", "warp-lang": "1.9"},
-        "required_versions": lambda: {
-            name: SpecifierSet(wanted)
-            for name, wanted in {"numpy": ">=2", "scipy": ">=1.15", "rich": ">=14", "tyro": ">=1"}.items()
-        },
+        "versions": lambda: {"python": "3.12.1", "numpy": None, "scipy": "1.2", "warp-lang": "1.9rc1"},
+        "required_versions": lambda: {name: SpecifierSet(f">={least}") for name, least in NEEDED.items()},
         "version_of": {"rich": "13.0", "tyro": "1.0"}.get,
         "choose_threads": lambda _: 6, "waking_way": lambda: "futex", "start_warp": lambda: None,
         "platform": SimpleNamespace(machine=lambda: "x86_64"),

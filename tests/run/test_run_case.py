@@ -109,15 +109,6 @@ def test_its_boundary_is_the_skin_and_the_summary_says_so(case: Case, mesh: Path
     assert len(summary["tissues"]) == 1
 
 
-def test_its_labels_are_the_layers(case: Case, mesh: Path, tmp_path: Path) -> None:
-    ends = []
-    for layers in ("none", "mesh"):
-        simulated(case, tmp_path / layers, mesh, record=False, layers=layers)
-        ends.append(read_trunk(tmp_path / layers / "trunk.vtu"))
-    assert (ends[0][0].tissue is None, set(ends[1][0].tissue)) == (True, {0, 1, 2})
-    assert np.abs(ends[0][1] - ends[1][1]).max() > 0.01  # they pull differently
-
-
 def test_an_interrupted_run_leaves_its_recording_and_the_next_one_replaces_it(
     case: Case, mesh: Path, tmp_path: Path
 ) -> None:
