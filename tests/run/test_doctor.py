@@ -17,7 +17,6 @@ from support.shown import check_shown
 from warp_trunk.cli import main
 from warp_trunk.run import doctor
 
-
 NEEDED = {"numpy": "2", "warp-lang": "1.8", "scipy": "1.15", "rich": "14", "tyro": "1"}
 
 
