@@ -212,4 +212,4 @@ def test_lines_of_broken_films_are_as_accepted(refused_row, tmp_path):
         path.write_bytes(good)
     for words in ("no/out.csv", "out.csv --limit -1", "out.csv --noise -1"):
         lines.append(refused_row(words, ["triangulate", *flags, *f"--out {tmp_path}/{words}".split()]))
-    check_shown("refused_films", lines)
+    check_shown("refused_film_files", lines)
