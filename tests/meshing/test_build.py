@@ -192,6 +192,16 @@ def test_a_tetrahedron_of_one_bone_stays_held() -> None:
     np.testing.assert_array_equal(free_joints(mesh).bone, -last)
 
 
+def test_corners_of_flat_tetrahedra_are_free() -> None:
+    """The far corner of two cubes comes to the square between them, where it makes two tetrahedra flat."""
+    nodes, tets, _ = grid((2, 1, 1), 8.0)
+    nodes[11, 0] = 8.001
+    flat = ((np.abs(nodes[tets, 0] - 8.0) < 0.01).all(axis=1)).nonzero()[0]
+    free = free_joints(meshes.trunk(nodes, tets, np.ones(12, dtype=bool)))
+    assert len(flat) == 2
+    assert set(np.flatnonzero(free.bone < 0)) == set(tets[flat].ravel())
+
+
 @pytest.mark.parametrize("slides", ["scapula_left", "clavicle_right"])
 def test_of_a_bone_that_slides_the_face_towards_another_is_free_at_any_distance(slides: str, gap) -> None:
     free = free_joints(replace(gap, bone_names=("rib_left_05", slides)))
