@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -158,7 +159,8 @@ def test_the_kyphosis_has_plausible_ends_that_hold_the_patients_own() -> None:
 
 def test_undo_returns_to_before_a_drag_however_it_pauses(monkeypatch: pytest.MonkeyPatch) -> None:
     now, asked = [0.0], list[Any]()
-    monkeypatch.setattr("warp_trunk.live.sliders.time.monotonic", lambda: now[0])
+    # of this module alone: the server in its thread has a clock of its own
+    monkeypatch.setattr("warp_trunk.live.sliders.time", SimpleNamespace(monotonic=lambda: now[0]))
     server = LoopbackServer(free_port(), "sliders")
     try:
         controls, start = Controls(server.gui, REST, asked.append), first_state(REST)
