@@ -236,8 +236,8 @@ FAULTS: dict[str, Check] = {
         exchanged(BEFORE, *((f"T5_left_pedicle_{e}", f"T5_right_pedicle_{e}") for e in ("superior", "inferior"))),
         "here"),
     "vertebrae that move as they are": lambda: check_shapes(BEFORE, AFTER, "after"),
-    "endplates exchanged": lambda: check_shapes(
-        BEFORE, exchanged(AFTER, ("T8_superior_endplate", "T8_inferior_endplate")), "after"),
+    "an endplate and a pedicle exchanged": lambda: check_shapes(
+        BEFORE, exchanged(AFTER, ("T8_superior_endplate", "T8_left_pedicle_superior")), "after"),
     "another frame after": lambda: check_frame(BEFORE, replace(AFTER, points=AFTER.points + 20.0 * LEFT), "after"),
     "a second skin after half a turn": second_skin(lambda v: v * [-1, -1, 1]),
     "a second skin beside the first": second_skin(lambda v: v + 80.0 * LEFT),

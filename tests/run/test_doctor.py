@@ -1,6 +1,7 @@
 """Findings of `doctor`, on a machine that lacks something and where a compiled kernel is cut off."""
 
 import os
+import re
 import shutil
 import struct
 import subprocess
@@ -50,9 +51,10 @@ def machine(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 
 def lines(results: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
-    """How the command ends, and what it prints."""
+    """How the command ends, and what it prints; TetGen has a number of its own in each version."""
     status = main(["doctor", "--results", str(results)])
-    return status, capsys.readouterr().out.replace(str(results.parents[1]), "FOLDER")
+    text = capsys.readouterr().out.replace(str(results.parents[1]), "FOLDER")
+    return status, re.sub(r"\d+ tetrahedra", "some tetrahedra", text)
 
 
 @pytest.mark.usefixtures("machine")
