@@ -74,11 +74,16 @@ def test_round_trip_keeps_every_bit(tmp_path):
 
 @pytest.mark.parametrize("code", ["RAS", "LAS", "SPL"])
 def test_axes_and_units_are_converted_at_the_border(tmp_path, code):
-    """Files written in other axes, in metres, come back as the same case."""
+    """Files written in other axes, in metres, come back as the same case; their headers say LPS."""
     case = small_case()
     write_case(tmp_path, mapped(case, Axes(code).matrix.T / 1000.0))
-    (tmp_path / "case.toml").write_text(f'axes = "{code}"\nunits = "m"\n', encoding="utf-8")
-    back = read_case(tmp_path)
+    layers = "[layers]\nskin_thickness = 0.0015\nfat_thickness = 0.004\n"
+    (tmp_path / "case.toml").write_text(f'axes = "{code}"\nunits = "m"\n{layers}', encoding="utf-8")
+    back, warnings = read_checked_case(tmp_path)
+    note = f'{tmp_path / "skin.ply"}: its header says SPACE=LPS; axes = "{code}" of case.toml is used.'
+    assert note in warnings
+    thick = not_none(back.layers)
+    assert (thick.skin_thickness, thick.fat_thickness) == pytest.approx((1.5, 4.0))
     np.testing.assert_allclose(back.skin.vertices, case.skin.vertices, atol=1e-9)
     np.testing.assert_allclose(back.bones["T7"].vertices, case.bones["T7"].vertices, atol=1e-9)
     np.testing.assert_allclose(back.planned_landmarks.points, case.planned_landmarks.points, atol=1e-9)

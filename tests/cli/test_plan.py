@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import warp_trunk.live.opening as opening
+from support.asserting import refuses
 from support.phantoms import whole_phantom
 from support.small_case import palpated
 from support.small_trunk import curved_case, small_patient
@@ -55,5 +56,7 @@ def test_a_signal_ends_it_and_names_what_was_kept(tmp_path, monkeypatch, capsys,
         curved_case(), tmp_path, RunOptions(), Execution(device="cpu"), Opened(), port=free_port()
     )
     assert ended is None
+    with refuses("--port: must be from 1024 to 65535, not 80; give 8137"):
+        opening.plan_live(curved_case(), tmp_path, RunOptions(), Execution(device="cpu"), Opened(), port=80)
     assert signal.signal(number, inherited) is before
     assert "Plan at http://127.0.0.1:" in capsys.readouterr().err

@@ -73,6 +73,12 @@ def test_another_device_or_number_of_threads_makes_it_be_done_again(monkeypatch:
         assert not difference(inputs(CASE), inputs(CASE, replace(OPTIONS, execution=execution))), option
 
 
+def test_each_case_has_one_thread_unless_more_are_asked_for() -> None:
+    for flags, threads in (([], 1), (["--threads", "3"], 3)):
+        command = parse_command(Cohort, ["cohort", "cases", "--out", "out", *flags])
+        assert command.of_each.execution.threads == threads
+
+
 def test_the_case_of_a_cohort_is_aligned_where_that_is_asked_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -69,6 +69,11 @@ def test_skin_keeps_its_vertices_order_and_faces_and_bones_their_surface(trunk):
     assert tet_volumes(trunk.nodes, trunk.tets).sum() == pytest.approx(4 / 3 * np.pi * 100.0**3 - union, rel=0.02)
 
 
+def test_fewer_tetrahedra_than_usual_are_warned_of() -> None:
+    with pytest.warns(UserWarning, match="usually need 3[0-9]{3} tetrahedra; 2200 were asked for"):
+        make_trunk(SKIN, {"upper": BONES["upper"]}, replace(OPTIONS, tets=2200), cache=False)
+
+
 def test_nodes_come_in_z_order_and_tetrahedra_by_their_lowest_node(trunk):
     def code(point, lower, size):
         """The bits of the three coordinates, 21 of each, one after the other."""

@@ -23,9 +23,11 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.result_files import picture_source
 from warp_trunk.io.surface_files import write_surface
-from warp_trunk.measures.quantities import Measured
+from warp_trunk.measures import measure
+from warp_trunk.measures.quantities import Measured, MeasureTable, measured
 from warp_trunk.results import RunAccount, read_result, read_summary, result_of
 from warp_trunk.results.bands import read_effects, read_skin_sd, write_skin_sd
+from warp_trunk.results.judgement import judged
 from warp_trunk.results.result import LEAST_SPACE, prepare_folder
 
 WHOLE = {
@@ -220,3 +222,16 @@ def test_effects_and_deviations_that_are_no_whole_files_are_refused(tmp_path):
     for count in (1, 2):
         with refuses("must have one number for each of", begins=tmp_path):
             read_skin_sd(tmp_path / "sd.csv", count)
+
+
+def test_a_skin_is_judged_against_what_was_measured_of_it_before() -> None:
+    """Her largest hump before is where no scan was, so nothing is compared there; all of her moves by 2 mm."""
+    case = known_case()[0]
+    place = MeasureTable(measured("before", measure(case.skin, case.landmarks_before))).place("main_hump_mm")
+    height = case.landmarks_before.of_bone(place).points[:, 2].mean()
+    unseen = (np.abs(case.skin.vertices[:, 2] - height) < 30.0).astype(np.float64)
+    moved = case.skin.moved(case.skin.vertices + np.array([0.0, 0.0, 2.0]))
+    table = judged(replace(case, unseen=unseen), moved, None, None).table
+    assert table.value("after", "skin_change_max_mm") == pytest.approx(2.0)
+    assert place == "T8"
+    assert table.place("main_hump_mm") not in (None, place)

@@ -98,6 +98,7 @@ def test_several_plans_use_the_patient_the_warnings_and_the_folder_that_are_give
     case = unplanned()
     patient = patient_of(case, OPTIONS, small_patient(LEVELS)[1], execution=UNRECORDED)
     forbid_meshing(monkeypatch)
+    monkeypatch.setattr("warp_trunk.run.simulate.check_surgery", lambda planned: [f"Of {planned.name}."])
 
     class Elsewhere(Progress):
         def result(self, name: str, result: Result) -> None:
@@ -108,7 +109,12 @@ def test_several_plans_use_the_patient_the_warnings_and_the_folder_that_are_give
     results = simulate(case, plans, patient=patient, warnings=warned, folder="out", progress=Elsewhere())
     assert {name: result.folder for name, result in results.items()} == {n: folder / "out" / n for n in plans}
     assert all(read_result(result.folder).converged for result in results.values())
-    assert {*warned, "The skin was repaired."} <= set(results["a"].summary.warnings)
+    for name, result in results.items():
+        assert [text for text in result.summary.warnings if text.startswith("Of ")] == [
+            f"Of {result.summary.case}."
+        ]
+        assert result.summary.case.endswith(f"plan {name}")
+        assert {*warned, "The skin was repaired."} <= set(result.summary.warnings)
     first, other = simulate(case, [*plans.values()], patient=patient)
     np.testing.assert_array_equal(first.skin.vertices, results["a"].skin.vertices)
     np.testing.assert_array_equal(other.skin.vertices, results["b"].skin.vertices)
