@@ -221,8 +221,6 @@ def _of_curve(still: Placed, asked: CurvePlan, curve: CobbAngle, around: tuple[i
 
 def _outside(still: Placed, plan: Plan, curve: PlannedCurve) -> list[Target]:
     """The part of an unplanned curve above and below the fusion, which corrects by itself."""
-    if curve.spontaneous == 0.0:
-        return []
     levels = still.chain.levels
     first, last = levels.index(curve.before.upper), levels.index(curve.before.lower)
     targets = []
