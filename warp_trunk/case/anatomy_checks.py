@@ -182,7 +182,6 @@ def _outside(case: Case) -> list[str]:
     if not out.size or out.max() <= _OUT:
         return []
     name = names[int(out.argmax())]
-    return [
-        f"{int((out > _OUT).sum())} bones reach out of the skin, {name} by {out.max():.1f} mm; bring skin and "
-        "bones into one frame"
-    ]
+    others = int((out > _OUT).sum()) - 1
+    what = f"{name} and {others} more reach" if others else f"{name} reaches"
+    return [f"{what} out of the skin, by up to {out.max():.1f} mm; bring skin and bones into one frame"]

@@ -212,7 +212,7 @@ def _check_patient(before: np.ndarray, after: np.ndarray, misfits: np.ndarray, w
     usual = float(np.median(misfits))
     sizes = [np.linalg.norm(six - six.mean(axis=1, keepdims=True), axis=(1, 2)).sum() for six in (before, after)]
     growth = float(sizes[1] / sizes[0] - 1.0)
-    larger = f"{100 * growth:+z.1f} % larger than before"
+    larger = f"{100 * abs(growth):.1f} % {'larger' if growth > 0.0 else 'smaller'} than before"
     if abs(growth) > SIZE_REFUSED or usual > MISFIT:
         size = f"they are {larger} ({100 * SIZE_REFUSED:g} is the most)"
         shape = f"their shape differs by {usual:.1f} mm ({MISFIT:g} is the most); give landmarks of one patient"

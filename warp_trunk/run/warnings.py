@@ -87,7 +87,7 @@ def alignment_warnings(table: MeasureTable) -> list[str]:
     kyphosis = table.value(PREDICTED, "kyphosis_deg", "T5-T12")
     if kyphosis is not None and not KYPHOSIS[0] <= kyphosis <= KYPHOSIS[1]:
         least, most = KYPHOSIS
-        sentences.append(f"Kyphosis T5 to T12: ends at {kyphosis:.0f} degrees, {least:g} to {most:g} is normal.")
+        sentences.append(f"Kyphosis T5 to T12: ends at {kyphosis:.3g} degrees, {least:g} to {most:g} is normal.")
     return sentences
 
 
