@@ -266,6 +266,12 @@ def _left_out(text: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
                 nodes.append(node)
             case ast.keyword(arg=str(name)) if STYLE_ARGUMENTS.fullmatch(name) or GUARDS.fullmatch(name):
                 nodes.append(node)
+            case ast.Dict():  # of keyword arguments
+                keys = [getattr(key, "value", None) for key in node.keys]
+                styles = zip(keys, node.values, strict=True)
+                nodes += [
+                    value for key, value in styles if isinstance(key, str) and STYLE_ARGUMENTS.fullmatch(key)
+                ]
             case ast.Assign(targets=[ast.Name(id=name)]) if STYLE_NAMES.fullmatch(name):
                 nodes.append(node)
             case ast.Tuple() | ast.List() if COLOUR.fullmatch(ast.unparse(node)):

@@ -41,7 +41,7 @@ FILES: dict[str, tuple[Callable[[Path], object], list[str]]] = {
     ]),
     "a.fcsv": (read_landmarks, [
         FCSV + "0,1,2,nan,0,0,0,1,1,1,0,a\n", FCSV + "0,1,2\n", FCSV + "# columns = id,x,label\n", "0,1,2,3\n",
-        "# CoordinateSystem = 2\n0,1,2,3,0,0,0,1,1,1,0,a\n",
+        "# CoordinateSystem = 2\n0,1,2,3,0,0,0,1,1,1,0,a\n", FCSV + "0,1,2,3,0,0,0,1,1,1,0\n",
     ]),
     "points.csv": (lambda path: read_followed_points(path, Axes("LPS"), "mm"), ["name,x,y\n"]),
     "case.toml": (read_header, [

@@ -5,6 +5,7 @@ import json
 import signal
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -38,6 +39,36 @@ def test_a_case_without_hip_bones_is_planned_simulated_and_measured(tmp_path: Pa
     assert main(["simulate", str(tmp_path / "planned"), "--out", str(tmp_path / "result"), *QUICK.split()]) == 0
     assert main(["measure", str(tmp_path / "result"), "--out", str(tmp_path / "measures")]) == 0
     assert json.loads((tmp_path / "measures.json").read_text(encoding="utf-8"))
+
+
+def test_the_plans_that_were_kept_are_named_at_the_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One of two was there before."""
+
+    class Ended:
+        stopped, server, failure = threading.Event(), SimpleNamespace(address="http://here"), "out of memory"
+        saved = SimpleNamespace(views={"old": None, "new": None}, earlier={"old": None})
+
+        def __init__(self, *_: object) -> None:
+            self.stopped.set()
+
+        def __enter__(self) -> "Ended":
+            return self
+
+        def __exit__(self, *_: object) -> None:
+            pass
+
+    class Heard(Progress):
+        def message(self, text: str) -> None:
+            messages.append(text)
+
+    messages: list[str] = []
+    monkeypatch.setattr(opening, "patient_of", lambda *_, **__: SimpleNamespace(relaxer=None))
+    monkeypatch.setattr("warp_trunk.live.planning_page.Page", Ended)
+    failure = opening.plan_live(curved_case(), tmp_path, RunOptions(), Execution(), Heard(), port=free_port())
+    assert failure == "out of memory"
+    assert messages == [
+        "Plan at http://here on this machine; Ctrl-C or its button ends it", f"Kept: {tmp_path / 'new'}",
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -75,6 +75,7 @@ def test_tissue_comes_off_bones_where_its_tetrahedra_would_end_inside_out() -> N
     assert prediction.converged
     off = np.linalg.norm(prediction.last.displacement - path.at(1.0), axis=1) > 1e-3
     assert 0 < (off & trunk.prescribed).sum() <= prediction.released < trunk.prescribed.sum()
+    assert (trunk.prescribed & ~prediction.trunk.prescribed).sum() == prediction.released
     assert len(said) == 1
     assert len(prediction.increments) == 2
     assert patient.trunk is trunk  # another plan for her is as before
