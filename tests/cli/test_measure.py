@@ -6,6 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import warp_trunk.cli.measure as measure_command
+from support import small_trunk
 from support.report_results import write_small_result
 from support.small_case import mapped, small_case
 from warp_trunk.case import write_case
@@ -65,6 +67,14 @@ def test_surface_in_the_case_folder_has_its_axes_and_units(place, tmp_path):
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):
     return write_small_result(tmp_path_factory.mktemp("measured"))
+
+
+def test_a_result_takes_its_own_case(result, monkeypatch):
+    own = small_trunk.small_case()[0]
+    monkeypatch.setattr(measure_command, "read_case", lambda _: own)
+    case, read = measure_command.case_of_skin(result / "predicted_skin.ply", result / "case")
+    assert read is not None
+    assert case.landmarks_before.names == own.landmarks_before.names
 
 
 def test_a_result_needs_no_case(result, tmp_path, capsys):
