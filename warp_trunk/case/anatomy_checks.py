@@ -182,6 +182,6 @@ def _outside(case: Case) -> list[str]:
     if not out.size or out.max() <= _OUT:
         return []
     name = names[int(out.argmax())]
-    others = int((out > _OUT).sum()) - 1
-    what = f"{name} and {others} more reach" if others else f"{name} reaches"
+    other_bones = int((out > _OUT).sum()) - 1
+    what = f"{name} and {other_bones} more reach" if other_bones else f"{name} reaches"
     return [f"{what} out of the skin, by up to {out.max():.1f} mm; bring skin and bones into one frame"]
