@@ -73,12 +73,8 @@ class Shown:
     folder: Path
     page: Page
     figures: dict[str, Any]
-
-    @property
-    def lines(self) -> list[str]:
-        """All of it as text."""
-        console = plain(read_result(self.folder)).replace(str(self.folder), "FOLDER").splitlines()
-        return [*report_lines(self.page, self.figures), "== console", *console]
+    lines: list[str]
+    """All of it as text, before other commands write into the folder."""
 
 
 def shown(folder: Path, *options: str, page: str = "report.html", beside: Path | None = None) -> Shown:
@@ -86,7 +82,9 @@ def shown(folder: Path, *options: str, page: str = "report.html", beside: Path |
     with drawn_figures() as figures:
         assert main(["report", str(folder), *([str(beside)] if beside else []), *options]) == 0
     out = folder.parent if beside else folder
-    return Shown(folder, Page((out / page).read_text(encoding="utf-8")), figures)
+    read = Page((out / page).read_text(encoding="utf-8"))
+    console = plain(read_result(folder)).replace(str(folder), "FOLDER").splitlines()
+    return Shown(folder, read, figures, [*report_lines(read, figures), "== console", *console])
 
 
 def sided(value: float) -> str:
